@@ -1,7 +1,8 @@
 //! Run in the calling thread: no session, no folder, no recording and no other thread.
 //!
-//! For very many runs of the plants and laws built into `hil`. Engine, runner and recorder are the same as in every
-//! other run, so digest, metrics and requirements are too. Never blocks: both sides and the recorder take turns.
+//! Used for large numbers of runs of the plants and laws built into `hil`. Engine, runner and recorder are the same as
+//! in every other run, and so are digest, metrics and requirements. Never blocks: both sides and the recorder take
+//! turns.
 
 use std::sync::Arc;
 
@@ -66,7 +67,7 @@ fn jobs_of(
     Ok((plant, controller, layout))
 }
 
-/// Checks the jobs of a plan like `--check` of the programs.
+/// Checks the jobs of a plan as `--check` of the programs does.
 ///
 /// # Errors
 /// The objection of a side to its job.

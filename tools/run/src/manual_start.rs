@@ -1,8 +1,8 @@
-//! Sides started by hand, for example in a debugger: prints the command that starts each, and admits a process that
-//! presents the session's token and runs the checked program.
+//! Sides started by hand, for example in a debugger: prints the command that starts each side, and admits a process
+//! that presents the session's token and runs the checked program.
 //!
-//! Waits without a time limit before anything else of the run is started. The sockets stay open until the end of
-//! the run, so that a second process is told why it is refused.
+//! Waits without a time limit before anything else of the run is started. The sockets stay open until the end of the
+//! run, so that a second process receives the reason for its refusal.
 
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -163,7 +163,8 @@ fn open(
     Ok(listening)
 }
 
-/// Checks a process that asks to be a side: first its token, without which it learns nothing else.
+/// Checks a process that asks to be a side, beginning with its token; without a valid token the process learns nothing
+/// else.
 fn judge(
     client: &UnixStream,
     Entry { token, process }: &Entry,

@@ -1,5 +1,5 @@
-//! Objections to parameters of plant and law: before the plant accepts a change, it asks here, and the program in
-//! question is run with `--check` on a job with the new values.
+//! Objections to parameters of plant and law: before the plant accepts a change, it sends a query here, and the program
+//! in question is run with `--check` on a job with the new values.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -21,7 +21,7 @@ const FILE: &str = "judge.json";
 /// Started controllers: program and job of each, by their numbers from 1.
 pub(super) type Programs = Arc<Mutex<Vec<(Binary, Job)>>>;
 
-/// Answers such questions until the returned value is dropped.
+/// Answers such queries until the returned value is dropped.
 ///
 /// # Errors
 /// If the socket cannot be created.

@@ -1,4 +1,4 @@
-//! Preparation of a run: checks that need its plan, its session, its folder and its jobs.
+//! Preparation of a run: the checks that need its plan, its session, its folder and its jobs.
 //!
 //! No side runs yet, except that both programs check their jobs.
 
@@ -40,7 +40,7 @@ const SUMMARY_BYTES: u64 = 256 << 10;
 /// Checks a run and creates its session and its folder.
 ///
 /// # Errors
-/// If it cannot be run as requested.
+/// If the run cannot be executed as requested.
 pub(super) fn prepare(
     plan: Plan,
     environment: Environment,
@@ -231,7 +231,7 @@ fn check(
     Ok(steps)
 }
 
-/// Reports the maximum size of the recording, if a user watches or the disk may lack space.
+/// Prints the maximum size of the recording, if a user watches or the disk may lack space.
 fn tell_size(plan: &Plan, layout: &RecordLayout, settings: &Settings) -> Result<(), Failure> {
     let all = Choice::default();
     let recording = settings.recording.as_ref();

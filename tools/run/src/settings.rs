@@ -1,7 +1,7 @@
 //! Settings of a run: the command-line options, checked as far as possible without a scenario.
 //!
-//! Created once by each command that runs scenarios; a suite gives each of its runs a folder and a session of its
-//! own. Contains no plan and starts nothing.
+//! Created once by each command that runs scenarios; a suite gives each of its runs a folder and a session of its own.
+//! Contains no plan and starts nothing.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -93,7 +93,7 @@ impl ByHand {
         (all.into_iter()).filter_map(|(is_by_hand, side)| is_by_hand.then_some(side))
     }
 
-    /// Returns the flag for one of them.
+    /// Returns the flag for a side.
     pub fn flag(self) -> Option<String> {
         let side = self.roles().next()?;
         Some(format!("--{} external", side.name()))
@@ -102,7 +102,7 @@ impl ByHand {
     /// Refuses programs that cannot be identified by the executable of their process.
     ///
     /// # Errors
-    /// If one of them is a script or a model.
+    /// If a program is a script or a model.
     pub fn check(self, binaries: &Binaries) -> Result<(), Failure> {
         for side in self.roles() {
             let (name, binary) = (side.name(), binaries.of_side(side));
@@ -210,10 +210,7 @@ impl Settings {
     }
 }
 
-/// Refuses programs that were named although none is started.
-///
-/// # Errors
-/// If there is one.
+/// Refuses programs that were named although no process is started.
 pub fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
     if link != LinkKind::InProcess {
         return Ok(());

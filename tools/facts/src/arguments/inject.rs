@@ -1,7 +1,7 @@
 //! The command line of `hil inject`.
 //!
 //! Each kind of fault has keys of its own, and the kinds depend on the running plant. Therefore an unknown flag is
-//! taken as a key of the kind: [`arrange`] reorders the words so that they can be parsed without knowing the kinds.
+//! treated as a key of the kind: [`arrange`] reorders the words so that they can be parsed without knowing the kinds.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -272,9 +272,9 @@ fn sine(text: &str) -> Result<(f64, f64), String> {
     ))
 }
 
-/// Reorders the words after `hil inject` so that they can be parsed without knowing the kinds: first the options of
-/// `hil`, each in one piece with its value, and the kind's own `--KEY VALUE` as `--parameter=KEY=VALUE`; then the
-/// words, among which negative numbers are not options.
+/// Reorders the words after `hil inject` so that they can be parsed without knowing the kinds. First come the options
+/// of `hil`, each in one piece with its value, and the kind's own `--KEY VALUE` as `--parameter=KEY=VALUE`; then the
+/// other words, where negative numbers are not taken for options.
 #[must_use]
 pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut typed = typed.into_iter().peekable();

@@ -1,9 +1,9 @@
-//! Allowed differences of a run from a checkpoint: none that contradict the steps before it.
+//! Differences allowed to a run from a checkpoint: none that contradicts the steps before the checkpoint.
 //!
-//! The records before the checkpoint are fixed. So the plant, its instruments, its controller, the rate and the seed must
-//! be the same; reference signals must have the same values up to there; a fault that has begun keeps its target, its
-//! times and its profile, and only its sizes may change from there on; a fault that has not begun may not begin
-//! earlier. Duration, clock and metrics are free.
+//! The records before the checkpoint are fixed. So the plant, its instruments, its controller, the rate and the seed
+//! must be the same, and reference signals must have the same values up to the checkpoint. A fault that has begun keeps
+//! its target, its times and its profile, and only its magnitudes may change from there on; a fault that has not begun
+//! may not begin earlier. Duration, clock and metrics are free.
 
 use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
 use plant_process::stimulus;
@@ -16,7 +16,7 @@ use crate::results::faults::FaultLog;
 /// Differences between a run that continues from a checkpoint and the run that made it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Branch {
-    /// Numbers of the faults that had begun and continue with other sizes: no scenario reproduces such a run from
+    /// Numbers of the faults that had begun and continue with other magnitudes: no scenario reproduces such a run from
     /// its beginning.
     pub changed_faults: Vec<u32>,
 }
@@ -196,7 +196,7 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that changes before the checkpoint are the same; later ones are free.
+    /// Checks that changes before the checkpoint are the same; later changes are free.
     fn changes(&mut self, then: &[Change], now: &[Change]) {
         let before = |changes: &[Change]| {
             let past = changes
@@ -277,7 +277,7 @@ fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&
     })
 }
 
-/// Returns `true` if two events on the same targets differ in nothing but sizes.
+/// Returns `true` if two events on the same targets differ only in magnitudes.
 fn same_but_for_sizes(then: &FaultEvent, now: &FaultEvent) -> bool {
     let mut sized = now.clone();
     for (sized, then) in sized.effects.iter_mut().zip(&then.effects) {

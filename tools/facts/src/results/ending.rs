@@ -1,7 +1,7 @@
 //! End of a run as reported by its plant, checked against the plan and the records.
 //!
-//! Used by the recorder at the end of a run, and by all readers of recorded outcomes. A plant is another process:
-//! its report is trusted only as far as it is consistent with the plan and the records.
+//! Used by the recorder at the end of a run, and by all readers of recorded outcomes. A plant is another process: its
+//! report is trusted only if it is consistent with the plan and the records.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,8 +35,8 @@ fn steps(plan: &Plan, end: &RunEnd) -> Option<String> {
     }
 }
 
-/// Checks the number of records: one for each step, and one of the state after the last, which an aborted run may
-/// lack. In real time some may be lost, and are counted.
+/// Checks the number of records: one for each step, and one of the state after the last step, which an aborted run may
+/// lack. In real time some records may be lost, and are counted.
 fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let (steps, came, lost) = (end.steps, recorded.records, recorded.lost);
     let missing = match plan.run.clock {
@@ -57,7 +57,7 @@ fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     })
 }
 
-/// Checks that there are answers: only a controller lost at the first step of the run, before it answered, leaves
+/// Checks that there are answers: only a controller lost at the first step of the run, before its first answer, leaves
 /// none.
 fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let is_alone = recorded.answers.is_some_and(|answers| answers.given == 0);
@@ -115,7 +115,7 @@ fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     })
 }
 
-/// Checks that every reported effect belongs to a fault of the run, and is reported once.
+/// Checks that every reported effect belongs to a fault of the run, and is reported only once.
 fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let log = &recorded.faults;
     let live = log.accepted.iter().map(|live| &live.event);

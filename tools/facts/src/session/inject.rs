@@ -1,7 +1,7 @@
 //! `hil inject`: faults in a running session.
 //!
-//! The words become the text of a request; the plant checks it like a fault of a scenario and answers with the step
-//! at which it takes hold. A listing shows the possible faults.
+//! The words become the text of a request. The plant checks the request like a fault of a scenario and answers with the
+//! step at which the fault takes effect. A listing shows the possible faults.
 
 mod listing;
 mod request;

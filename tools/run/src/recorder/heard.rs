@@ -17,7 +17,7 @@ const MOST_EVENTS: u64 = 1 << 20;
 pub(super) struct Validator {
     /// Step after that of the last record.
     next_step: u64,
-    /// Number of steps before it without a record.
+    /// Number of earlier steps without a record.
     missing: u64,
     events: u64,
     /// `true` after an invalid item: no later record counts.
@@ -39,11 +39,11 @@ impl Validator {
         self.is_broken = true;
     }
 
-    /// Validates a record, which must be of the next step; in real time as many may be missing as are known to be
+    /// Validates a record, which must belong to the next step; in real time as many may be missing as are known to be
     /// lost.
     ///
     /// # Errors
-    /// If the record is invalid, with the reason.
+    /// If the record is invalid; the error states the reason.
     pub(super) fn record(
         &mut self,
         plan: &Plan,
@@ -76,7 +76,7 @@ impl Validator {
     /// Validates and sanitises an event.
     ///
     /// # Errors
-    /// If the event is invalid, with the reason.
+    /// If the event is invalid; the error states the reason.
     pub(super) fn event(
         &mut self,
         plan: &Plan,

@@ -1,4 +1,4 @@
-//! Handling of stream items, independent of the publisher's fate.
+//! Handling of stream items, whatever happens to the publisher.
 
 use hil_config::plan::Clock;
 use hil_facts::results::recorded::Recorded;

@@ -26,7 +26,7 @@ pub(super) fn refusal(stderr: &str) -> Option<&str> {
     Some(stderr[begin..].strip_prefix(REASON)?.trim())
 }
 
-/// Returns the reason for which an answer has no description, if it has none.
+/// Returns the reason why an answer has no description, if it has none.
 pub(super) fn silence(answer: &Answer) -> Option<String> {
     let is_silent = answer.stdout.trim().is_empty();
     // A library of somebody else may write there too.
@@ -40,8 +40,8 @@ pub(super) fn silence(answer: &Answer) -> Option<String> {
     }
 }
 
-/// Returns the reason for which a job was refused; `None` if it was accepted. A host of foreign code must say that the
-/// check was done.
+/// Returns the reason why a job was refused; `None` if it was accepted. A host of foreign code must state that the
+/// check was completed.
 pub(super) fn objection(answer: &Answer, is_host: bool) -> Option<String> {
     let is_done = || answer.stdout.lines().any(|line| line == CHECKED);
     if answer.is_success {
@@ -55,7 +55,7 @@ pub(super) fn objection(answer: &Answer, is_host: bool) -> Option<String> {
     Some(why.trim().to_owned())
 }
 
-/// Runs a program on this machine and returns its answer; the inner error is its own.
+/// Runs a program on this machine and returns its answer; the inner error is the program's own.
 pub(super) fn asked<S: AsRef<OsStr>>(
     path: &Path,
     arguments: &[S],

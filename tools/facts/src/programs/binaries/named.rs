@@ -1,8 +1,8 @@
 //! Program of a side: named by the command line, else by the environment, else by the scenario or the recording,
-//! else the one beside `hil`.
+//! otherwise the program next to `hil`.
 //!
-//! A program named by a file is run only if nobody but this user and root can have written the file, and one named
-//! by a recording only if this user made the recording and the program is unchanged.
+//! A program named by a file is run only if nobody but this user and root can have written that file. A program named
+//! by a recording is run only if this user made the recording and the program is unchanged.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -23,7 +23,7 @@ use super::{beside, seal, trusted};
 #[derive(Debug, PartialEq, Eq)]
 pub struct Role {
     pub side: &'static str,
-    /// Program beside `hil`.
+    /// Program next to `hil`.
     pub beside: &'static str,
     pub flag: &'static str,
     pub variable: &'static str,
@@ -58,7 +58,7 @@ pub const MODEL_SETTINGS: &str = "fmu_settings";
 /// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// No source: the program beside `hil`.
+    /// No source: the program next to `hil`.
     Nobody,
     /// A flag or an environment variable.
     Person(&'static str),
@@ -149,7 +149,7 @@ impl Choice {
     }
 }
 
-/// Source of program names besides the command line.
+/// Source of program names other than the command line.
 pub enum Named<'a> {
     Nothing,
     Scenario {
@@ -160,7 +160,7 @@ pub enum Named<'a> {
     Recorded(&'a Recorded),
 }
 
-/// Programs of a recorded run, as far as they were named: those beside `hil` are not recorded.
+/// Programs of a recorded run, as far as they were named: programs next to `hil` are not recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     run: PathBuf,
@@ -174,7 +174,7 @@ pub struct Recorded {
     settings: [ModelSettings; 2],
     /// Hashes of the plant's and the controller's program.
     pub blake3: [Option<String>; 2],
-    /// `true` if this user recorded the run; the error is the reason that this cannot be determined.
+    /// `true` if this user recorded the run; the error is the reason why this cannot be determined.
     is_own: Result<bool, String>,
     host: String,
 }
@@ -204,7 +204,7 @@ impl Recorded {
         }
     }
 
-    /// Returns `true` if this user recorded the run, as far as that can be determined.
+    /// Returns `true` if this user recorded the run, as far as can be determined.
     pub fn is_own(&self) -> bool {
         self.is_own == Ok(true)
     }
@@ -264,10 +264,10 @@ impl Recorded {
     }
 }
 
-/// Refuses flags that configure a program where the scenario names none, because they would have no effect.
+/// Refuses flags that configure a program if the scenario names none, because they would have no effect.
 ///
 /// # Errors
-/// The first such flag, with the flag that names a program; `flag` returns that of a side.
+/// The first such flag, with the flag that names a program; `flag` returns the flag of a side.
 pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Failure> {
     for one in set {
         let key = one.split('=').next().unwrap_or_default().trim();
@@ -329,7 +329,7 @@ impl<'a> Named<'a> {
         of_side.clone()
     }
 
-    /// Returns the program of a side; `given` is that of the command line, `at` the machine that runs it.
+    /// Returns the program of a side; `given` is the program from the command line, `at` the machine that runs it.
     ///
     /// # Errors
     /// If a program named by a file must not be run.

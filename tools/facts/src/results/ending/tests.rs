@@ -1,4 +1,4 @@
-//! Plant reports about the end of a run, and the parts that are accepted.
+//! Plant reports about the end of a run, and the parts of them that are accepted.
 
 use shared_types::record::{ControllerChange, ControllerFate, FaultEffectSize, Outcome, RunEnd};
 use shared_types::time::Step;
