@@ -38,9 +38,9 @@ struct Judgement {
     verdict: Verdict,
     /// Basis of the verdict on signals.
     compared_by: ComparedBy,
-    /// Reason why the samples were not compared; null if they were, or if there was no need.
+    /// Reason why the samples were not compared; null if they were compared or needed no comparison.
     note: Option<String>,
-    /// Changes of scenario, versions and binaries; none of them counts as a difference by itself.
+    /// Changes of scenario, versions and binaries, none of which counts as a difference by itself.
     identity: Vec<TextChange>,
     /// Figures that differ.
     figures: Vec<Change>,

@@ -1,5 +1,5 @@
-//! `hil run`: runs one or more scenarios, once, repeatedly or under the conditions of an audit, from the command line
-//! to the verdicts.
+//! `hil run`: runs one or more scenarios once, repeatedly or under the conditions of an audit, from the command line to
+//! the verdicts.
 //!
 //! Every run has its own session, folder and processes or threads; as many runs as the cores allow are active at a
 //! time. All scenarios are checked before the first run starts. All runs of a scenario must have the same digest: a
@@ -129,7 +129,7 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
     Ok(worst)
 }
 
-/// Loads the checkpoint that a run resumes from, and plans the rest of the run.
+/// Loads the checkpoint from which a run resumes, and plans the rest of the run.
 fn resumed(
     arguments: &RunArguments,
     from: &Path,
@@ -234,7 +234,7 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     }
 }
 
-/// Refuses a file whose folder does not exist, before hours of runs.
+/// Refuses a file whose folder does not exist, before hours of runs are wasted.
 fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     let is_there = folder.is_none_or(Path::is_dir);

@@ -65,7 +65,7 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Returns the checked scenario of a run, if it is valid; names and units alone still give a layout.
+/// Returns the checked scenario of a run, if it is valid; without it, names and units alone still give a layout.
 fn plan(reader: &RunReader, run: &Path) -> Option<Plan> {
     RecordedRun::of(reader, run).ok().map(|run| run.plan)
 }

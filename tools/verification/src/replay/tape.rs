@@ -1,8 +1,8 @@
 //! Samples and answers of a recorded run, read ahead on a separate thread.
 //!
-//! The [host](super::host) takes them in batches, of which there is a fixed number. A batch is passed on once it is
-//! known for each of its samples whether the controller saw it: in a real-time run a later record contains that
-//! information. The tape compares nothing.
+//! The [host](super::host) takes samples in batches, of which there is a fixed number. A batch is passed on once it is
+//! known for each of its samples whether the controller saw it, because in a real-time run only a later record contains
+//! that information. The tape compares nothing.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
@@ -31,7 +31,7 @@ pub(super) struct Row<'a> {
     pub(super) answer: &'a [f64],
 }
 
-/// Data of a sample and its answer other than their values.
+/// Data of a sample and its answer, except for their values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Head {
     pub(super) step: u64,
@@ -293,7 +293,7 @@ impl Winder {
     }
 
     /// Determines the fate of all samples before a step: the last of them was answered by these words, if any, and
-    /// those before it as `answered` says. The rest were not seen.
+    /// those before it as stated by `answered`. The rest were not seen.
     fn close(&mut self, end: u64, answered: &Answered, words: Option<&[u64]>) {
         let first = self.next - self.batch.len() as u64;
         for step in self.open_from..end {
