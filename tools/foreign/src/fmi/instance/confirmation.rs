@@ -18,7 +18,7 @@ use crate::fmi::tables::Column;
 /// Relative difference of a value that counts as rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Parameters that cannot be read back, and those of them that were changed; each is reported once.
+/// Parameters that cannot be read back, and those of them that were changed; each is reported only once.
 #[derive(Debug, Default)]
 pub(super) struct Unconfirmed(BTreeSet<String>, BTreeSet<String>);
 
@@ -70,8 +70,8 @@ impl Instance {
         Ok(())
     }
 
-    /// Compares exact initial values with the values that were set. A difference is only reported: the equations may change it
-    /// at the start, unless it is a parameter.
+    /// Compares exact initial values with the values that were set. A difference is only reported, because the
+    /// equations may change the value at the start, unless it is a parameter.
     pub(super) fn confirm_initial(&mut self) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let variable = |column: &Column| &model.description.variables[column.variable];
@@ -141,8 +141,8 @@ impl Instance {
         }
     }
 
-    /// Compares values; a difference at the start is kept for whoever runs the instance, as one that only tries later values
-    /// may be initialised to others.
+    /// Compares values. A difference at the start is kept for the caller that runs the instance, because an instance
+    /// that only tries later values may be initialised to others.
     fn compare(
         &mut self,
         columns: &[Column],
@@ -176,7 +176,7 @@ fn difference(name: &str, set: f64, has: f64) -> String {
     format!("parameter `{name}` was set to {set}, and the FMU has {has}")
 }
 
-/// Returns `true` if `has` is what a variable of this type holds after it was set to `set`.
+/// Returns `true` if `has` is the value of a variable of this type after it was set to `set`.
 fn is_same(kind: VariableType, set: f64, has: f64) -> bool {
     match kind {
         #[expect(clippy::cast_possible_truncation, reason = "it was set as such")]

@@ -1,4 +1,4 @@
-//! Instantiation for both versions of the standard. The module knows no parameters or signals.
+//! Instantiation for both versions of the standard. Parameters and signals are unknown here.
 
 use std::ffi::{CString, c_int, c_void};
 use std::path::Path;
