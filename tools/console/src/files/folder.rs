@@ -16,7 +16,7 @@ pub fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
 /// Creates the folder of a run.
 ///
 /// # Errors
-/// If it exists with something in it, or cannot be written.
+/// If the folder exists and is not empty, or cannot be written.
 pub fn create(folder: &Path) -> Result<(), Failure> {
     // The absolute path is passed on to other processes as text.
     refuse_odd(&std::path::absolute(folder).map_err(Failure::usage)?)?;

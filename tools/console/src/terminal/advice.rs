@@ -1,8 +1,8 @@
 //! Advice on errors of the operating system.
 //!
 //! These errors arrive from many sources, also as text: from logs of both sides, recordings and replies of sessions.
-//! All of them contain the error number as formatted by Rust, by which they are recognised here, in the one place
-//! where `hil` explains a failure.
+//! All of them contain the error number as formatted by Rust, which identifies them here, in the only place where `hil`
+//! explains a failure.
 
 use hil_session::shared_memory::{self, FOLDER};
 use rustix::io::Errno;
@@ -60,7 +60,7 @@ pub fn on(text: &str) -> Option<String> {
     Some(advice.into())
 }
 
-/// Appends advice to a reason: on the error that it contains, or on a problem that may have caused it.
+/// Appends advice to a reason: on the error in the reason, or on a problem that may have caused it.
 #[must_use]
 pub fn behind(reason: &str) -> String {
     // Numbers in the text may have changed since.
