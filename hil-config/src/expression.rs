@@ -217,7 +217,7 @@ impl Expression {
             None => Ok(()),
             Some(reduced) => Err(self.error(
                 reduced.span.clone(),
-                "a reduction needs a window and so belongs in [[metrics]]",
+                "a reduction needs a window, so it can be used only in [[metrics]]",
             )),
         }
     }

@@ -249,7 +249,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "faults",
         KeyKind::List(FAULT),
-        "Fault events. All effects of an event take hold at the same step.",
+        "Fault events. All effects of an event take effect at the same step.",
     ),
     Key::new(
         "changes",

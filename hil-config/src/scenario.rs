@@ -160,7 +160,7 @@ pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> Strin
     }
     let folder = absolute(&Path::new(".").join(folder));
     format!(
-        "paths in a {owner} are relative to the folder of the {owner}, {folder}, so this one is {path}"
+        "paths in a {owner} are relative to the folder of the {owner}, {folder}, so this path means {path}"
     )
 }
 

@@ -32,13 +32,13 @@ use crate::quantity::{Quantity, toml_float};
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
     /// The plan refers to a plant, law or kind of fault without a description.
-    #[error("there is no description of {0}; provide those that the plan was checked against")]
+    #[error("{0} has no description; provide the descriptions against which the plan was checked")]
     Undescribed(String),
     /// A scenario cannot express an immediate change.
     #[error("change {0} is immediate; give it the step at which it took place")]
     NowChange(u32),
     /// A scenario cannot express an immediate fault.
-    #[error("fault {0} takes hold at once; give it the step at which it did so")]
+    #[error("fault {0} takes effect at once; give it the step at which it did")]
     Now(u32),
 }
 

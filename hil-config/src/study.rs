@@ -247,7 +247,7 @@ impl Study {
             .iter()
             .any(|one| one.key.as_deref() == Some(key));
         if is_varied && problem.kind == ProblemKind::WrongType && value.parse::<f64>().is_ok() {
-            help += "; `whole = true` in its [[vary]] gives whole numbers, a list those that are written in it";
+            help += "; set `whole = true` in its [[vary]] to draw whole numbers, or use a list of whole numbers";
         }
         Problem {
             source: self.sources.name(place.source).into(),

@@ -136,7 +136,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let (first, name) = (checkpoints.first_step(), description.name.clone());
         if job.run.clock == Clock::Realtime && checkpoints.any() {
             return Err(Invalid(
-                "in real time the state depends on late messages: it can be neither saved nor resumed from".into(),
+                "in real time the state depends on late messages, so it can be neither saved nor resumed".into(),
             ));
         }
         let saved: Option<SavedPlant> = match &checkpoints.resume {

@@ -132,7 +132,7 @@ impl Instruments {
         if stages.len() != saved.len() {
             let (theirs, ours) = (saved.len(), stages.len());
             return Err(Invalid(format!(
-                "{theirs} stages of instruments were saved, and there are {ours} here"
+                "the state contains {theirs} stages of instruments, but this run has {ours}"
             )));
         }
         let mut pairs = stages.into_iter().zip(saved);
@@ -189,7 +189,7 @@ fn apply(
         }
         if !reading.value.is_finite() {
             return Err(format!(
-                "{} is {} behind its instrument",
+                "{} is {} after its instrument",
                 chain.signal, reading.value
             ));
         }

@@ -82,7 +82,8 @@ pub fn objections_of(session: &SessionInfo) -> Objections {
     Box::new(move |question| {
         let answer =
             live::ask_at::<_, ParameterAnswer>(&session, OBJECTIONS, question, OBJECTION_LIMIT);
-        let answer = answer.map_err(|error| format!("it could not be asked: {error}"))?;
+        let answer =
+            answer.map_err(|error| format!("the validation could not be requested: {error}"))?;
         answer.objection.map_or(Ok(()), Err)
     })
 }
@@ -228,7 +229,9 @@ impl Service {
         if let (Some(id), true) = (id, ids.is_empty()) {
             return Err(Refusal {
                 expected: Some("the number of a fault that waits or acts".into()),
-                ..Refusal::new(format!("there is no fault {id} to clear"))
+                ..Refusal::new(format!(
+                    "there is no fault {id} to clear; list the faults with `hil inject --active`"
+                ))
             });
         }
         Ok(Response::Cleared { ids, step: step.0 })
@@ -298,7 +301,7 @@ impl Service {
                 .iter()
                 .any(|other| other.key == new.key)
             {
-                let message = format!("`{}` is given twice", new.key);
+                let message = format!("`{}` is given twice; give it once", new.key);
                 return Err(one(Refusal::new(message)));
             }
         }
@@ -425,7 +428,7 @@ fn wait<T>(receiver: &Receiver<T>) -> Result<T, Refusal> {
             Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {
                 let limit_s = LOOP_LIMIT.as_secs();
                 let message = format!(
-                    "the plant began no step for {limit_s} s; the request may still be executed: see `hil inject --active`"
+                    "the plant began no step for {limit_s} s; the request may still be executed: check with `hil inject --active`"
                 );
                 return Err(Refusal::new(message));
             }

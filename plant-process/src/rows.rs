@@ -152,7 +152,7 @@ impl Rows {
         if record.len() != self.record.len() {
             let (theirs, ours) = (record.len(), self.record.len());
             return Err(Invalid(format!(
-                "records had {theirs} words when the state was saved and have {ours} now"
+                "records had {theirs} words when the state was saved, but have {ours} now"
             )));
         }
         self.record.copy_from_slice(record);

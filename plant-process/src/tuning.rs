@@ -155,17 +155,17 @@ impl Tuning {
         if step < next {
             let (at_s, next_s) = (self.rate.seconds(step), self.rate.seconds(next));
             return Err(format!(
-                "step {step} ({at_s} s) is past: the run is at step {next} ({next_s} s)"
+                "step {step} ({at_s} s) is past, because the run is at step {next} ({next_s} s); choose a later time"
             ));
         }
         if self.left() == 0 {
             return Err(format!(
-                "the run has had {MOST_CHANGES} changes, which is the maximum"
+                "a run can have at most {MOST_CHANGES} changes, and this run has reached that number; set further values in a new run"
             ));
         }
         if self.waiting.iter().filter(|change| change.live).count() >= MOST_WAITING {
             return Err(format!(
-                "{MOST_WAITING} changes wait for their step, which is the maximum"
+                "at most {MOST_WAITING} changes can wait for their step; send the change again once a waiting one has begun"
             ));
         }
         self.taken += 1;

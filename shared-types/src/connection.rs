@@ -129,7 +129,7 @@ impl LawDescription {
             if before.into_iter().any(|other| other.name == field.name) {
                 let (law, name) = (&self.name, &field.name);
                 return Err(Invalid(format!(
-                    "law `{law}` would send the command `{name}` twice"
+                    "law `{law}` would send the command `{name}` twice; remove one of the connections"
                 )));
             }
         }

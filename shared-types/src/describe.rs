@@ -352,7 +352,9 @@ impl LawDescription {
     fn check(&self) -> Result<(), String> {
         let name = shown("law", &self.name)?;
         if !is_line(&self.tuning) {
-            return Err(format!("{name} describes its tuning on more than one line"));
+            return Err(format!(
+                "{name} describes its tuning on more than one line; use one line"
+            ));
         }
         if self.tunable().next().is_some() == self.tuning.is_empty() {
             return Err(format!(

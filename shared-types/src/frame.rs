@@ -178,22 +178,22 @@ pub const fn words(values: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
     /// Wrong checksum.
-    #[error("its checksum is wrong")]
+    #[error("the frame's checksum is wrong")]
     Corrupt,
     /// Frame of another session.
-    #[error("it belongs to another session")]
+    #[error("the frame belongs to another session")]
     Session,
     /// Frame from or for another controller of this session.
-    #[error("it belongs to another epoch")]
+    #[error("the frame belongs to another epoch")]
     Epoch,
     /// Signal layout that differs from the agreed one.
-    #[error("its signal layout is not the one agreed on")]
+    #[error("the frame's signal layout differs from the agreed one")]
     Layout,
     /// Number of values that differs from the agreed one.
-    #[error("its number of values is not the one agreed on")]
+    #[error("the frame's number of values differs from the agreed one")]
     Count,
     /// Unknown kind.
-    #[error("its kind is unknown")]
+    #[error("the frame's kind is unknown")]
     Kind,
 }
 

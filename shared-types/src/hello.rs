@@ -204,7 +204,7 @@ impl Hello {
         wrong.map_or(Ok(()), |one| {
             let (name, value) = (&one.field.name, one.value);
             Err(Refused::Otherwise(format!(
-                "tunable parameter {name:?} is {value}, out of its range"
+                "tunable parameter {name:?} is {value}, which is out of its range"
             )))
         })
     }
@@ -281,7 +281,9 @@ impl SignalTable {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
     /// Different protocol versions.
-    #[error("protocol {theirs} on the other side, {ours} here; use binaries of one version")]
+    #[error(
+        "the other side speaks protocol {theirs}, but this side speaks {ours}; use binaries of one version"
+    )]
     Protocol {
         /// Version of the other side.
         theirs: u32,

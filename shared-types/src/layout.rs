@@ -187,13 +187,13 @@ pub enum Unusable {
         unit: String,
     },
     /// Description that could not be read back as written.
-    #[error("the description of `{0}` is too long or has unprintable characters")]
+    #[error("the description of `{0}` is too long or contains unprintable characters")]
     Description(String),
     /// Duplicate column name.
     #[error("`{0}` is defined twice")]
     Twice(String),
     /// Too many columns.
-    #[error("there are {count}; at most {most} are allowed")]
+    #[error("there are {count}, but at most {most} are allowed")]
     Many {
         /// Returns the number of columns.
         count: usize,

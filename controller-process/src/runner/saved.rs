@@ -54,7 +54,7 @@ impl Bound {
             if row.len() != saved.len() {
                 let (theirs, ours) = (saved.len(), row.len());
                 return Err(Invalid(format!(
-                    "commands had {theirs} signals when the state was saved and have {ours} now"
+                    "commands had {theirs} signals when the state was saved, but have {ours} now"
                 )));
             }
             *row = saved;

@@ -199,7 +199,9 @@ impl Tuning {
         law: &mut dyn Law,
     ) -> Result<(), Invalid> {
         if saved.parameters.len() != self.parameters.len() {
-            return Err(Invalid("its parameters are not those of this law".into()));
+            return Err(Invalid(
+                "the parameters in the state are not those of this law".into(),
+            ));
         }
         let course = |&(place, from, to, begin, steps): &(u32, f64, f64, u64, u64)| {
             let begin = Step(begin);

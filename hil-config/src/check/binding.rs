@@ -154,7 +154,7 @@ fn bind_reference(
             order => format!(" with its first {order} derivatives"),
         };
         let help = format!(
-            "a [[stimuli]] with target = \"{}\" and a kind of {} provides it{needs}",
+            "add a [[stimuli]] with target = \"{}\" and a kind of {}, which provides it{needs}",
             target.name,
             listed(kinds)
         );
@@ -212,6 +212,6 @@ fn unbound(
     }
     problem.help = help.or_else(|| {
         (!fields.is_empty())
-            .then(|| "[[connect]] binds signals of other names and units to each other".into())
+            .then(|| "use [[connect]] to bind signals of different names and units".into())
     });
 }

@@ -156,7 +156,7 @@ fn change(
     if set.is_empty() && clear.is_empty() {
         let message = match section.path.as_str() {
             "" => "the change is empty".into(),
-            path => format!("`{path}` changes nothing"),
+            path => format!("`{path}` has no effect"),
         };
         reader
             .report(
@@ -175,9 +175,9 @@ fn change(
     }
     let is_endless = |one: &&ChangedValue| ramp_s.is_some() && !one.value.is_finite();
     let no_way = match set.iter().find(is_endless) {
-        Some(one) => Some(format!("no ramp leads `{}` to {}", one.key, one.value)),
+        Some(one) => Some(format!("`{}` cannot change to {} along a ramp", one.key, one.value)),
         None if ramp_s.is_some() && set.is_empty() => Some(
-            "a reference signal returns to its stimulus at once: a ramp has no end value".into(),
+            "a reference signal returns to its stimulus immediately, because a ramp has no end value there".into(),
         ),
         None => None,
     };
@@ -300,7 +300,7 @@ fn unknown(
     let tunable = keys.iter().filter(|one| one.is_tunable);
     let names: Vec<&str> = tunable.map(|one| one.key.as_str()).collect();
     let expected = match names.len() {
-        0 => "nothing: neither the law nor the plant has anything that can be changed".into(),
+        0 => "none: neither the law nor the plant has anything that can be changed".into(),
         count if count <= LISTED => format!("one of {}", listed(names.iter().copied())),
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };

@@ -252,7 +252,7 @@ fn by_units(
                         false => (received, sender),
                     };
                     format!(
-                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so it is unclear if the offsets of the units apply",
+                        "{names}: `{}` is declared as a difference (relativeQuantity) but `{}` is not, so it is unclear whether the offsets of the units apply",
                         one.name, other.name
                     )
                 }

@@ -65,7 +65,7 @@ pub(super) fn find<'d>(
         Some(law) => {
             let plants = listed(law.plants.iter().map(String::as_str));
             problem.help(format!(
-                "law `{name}` is made for {plants}; `made_for` with one of them and [[connect]] bind it to another plant"
+                "law `{name}` is made for {plants}; set `made_for` to one of them and use [[connect]] to bind the law to another plant"
             ));
         }
         None => {

@@ -33,7 +33,7 @@ impl Layout {
     fn numbers(&self) -> String {
         match self.columns {
             1 => "one number".into(),
-            columns => format!("{columns} numbers with a comma between"),
+            columns => format!("{columns} numbers separated by commas"),
         }
     }
 }

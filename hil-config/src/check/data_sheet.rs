@@ -196,7 +196,7 @@ fn converted(value: f64, symbol: &str, unit: &str, is_level: bool) -> Result<f64
     };
     if unit.ends_with("/sqrt(Hz)") && symbol.contains("/sqrt(") {
         unfit.help = Some(format!(
-            "a density of this signal is in {unit}; N of IEEE 952, as deg/sqrt(h), is one of a rate, such as rad/s"
+            "a density of this signal is in {unit}; N of IEEE 952, such as deg/sqrt(h), applies to a rate, such as rad/s"
         ));
     }
     Err(unfit)

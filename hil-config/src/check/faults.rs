@@ -131,7 +131,7 @@ fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
         && matches!(&entry.node.value, Value::List(items) if items.is_empty())
     {
         let path = section.path_of("effects");
-        let message = format!("`{path}` is empty: the fault would do nothing");
+        let message = format!("`{path}` is empty, so the fault would have no effect");
         reader
             .report(ProblemKind::MissingKey, path, &entry.node.place, message)
             .expected("at least one effect");

@@ -81,7 +81,7 @@ fn signal<'a>(
     let field = fields.iter().find(|field| field.is_called(name));
     if field.is_none() {
         let path = section.path_of("signal");
-        let message = format!("`{path}` is `{name}`, which the plant does not have");
+        let message = format!("`{path}` is `{name}`, which is not a signal of the plant");
         let names = fields.iter().map(|field| field.name.as_str());
         reader
             .report_at(section, "signal", ProblemKind::UnknownName, message)
@@ -139,7 +139,7 @@ fn instrument(
     refuse_noise_on_items(reader, section, field);
     if section.table.entries().len() < 2 {
         let keys = section.keys.iter().map(|key| key.name);
-        let message = format!("`{}` changes nothing", section.path);
+        let message = format!("`{}` has no effect", section.path);
         reader
             .report(
                 ProblemKind::MissingKey,
@@ -161,13 +161,13 @@ fn refuse_combinations(reader: &mut Reader, section: &Section<'_>) {
     for (key, owner) in OWNERS {
         if has(key) && !has(owner) {
             let path = section.path_of(key);
-            let message = format!("`{path}` needs `{owner}` beside it");
+            let message = format!("`{path}` needs `{owner}`");
             reader.report_at(section, key, ProblemKind::Mismatch, message);
         }
     }
     if has("bits") && has("resolution") {
         let path = section.path_of("resolution");
-        let message = format!("`{path}` says what `bits` and `range` say already");
+        let message = format!("`{path}` repeats what `bits` and `range` already define");
         reader
             .report_at(section, "resolution", ProblemKind::Mismatch, message)
             .expected("either `bits` or `resolution`");
@@ -226,8 +226,7 @@ fn timing(
             instrument.values.set("phase_steps", phase as f64);
             if let Some(divisor) = divisor.filter(|divisor| phase >= i64::from(*divisor)) {
                 let path = section.path_of("phase_steps");
-                let message =
-                    format!("`{path}` is {phase}, and a sample comes every {divisor} steps");
+                let message = format!("`{path}` is {phase}, but samples are {divisor} steps apart");
                 reader
                     .report_at(section, "phase_steps", ProblemKind::OutOfRange, message)
                     .expected(format!("a whole number from 0 to {}", divisor - 1));
@@ -320,7 +319,7 @@ fn refuse_noise_on_items(reader: &mut Reader, section: &Section<'_>, field: &Fie
         }
         let path = section.path_of(key);
         let message = format!(
-            "`{path}`: `{}` is an enumeration or a truth, which has no noise",
+            "`{path}`: `{}` is an enumeration or a Boolean, which cannot have noise",
             field.name
         );
         reader

@@ -103,7 +103,7 @@ impl Written {
         if earlier.parts == self.parts && earlier.value != self.value {
             let (this, other) = (number(self.value), number(earlier.value));
             return Err(format!(
-                "`{}` is {this} and `{}` is {other}, but both are names of one variable",
+                "`{}` is {this} but `{}` is {other}, although both are names of one variable; keep only one of them",
                 self.key, earlier.key
             ));
         }

@@ -35,7 +35,8 @@ pub(super) fn check(
         }
         _ => {
             let path = section.path_of("file");
-            let message = format!("{what} of kind `table` needs its points once");
+            let message =
+                format!("{what} of kind `table` must define its points in exactly one way");
             reader
                 .report(
                     ProblemKind::Mismatch,
@@ -99,7 +100,7 @@ pub(super) fn refuse_outside(
     );
     reader
         .report_at(section, key, ProblemKind::OutOfRange, message)
-        .expected("times that overlap the run; before its first point a table has the first value, after its last the last");
+        .expected("times that overlap the run; before its first point a table keeps the first value, and after its last point the last value");
     None
 }
 
@@ -122,7 +123,7 @@ fn lists(
     };
     reader
         .report_at(section, "time_s", ProblemKind::Mismatch, message)
-        .expected("at least one point, times strictly rising, as many values as times");
+        .expected("at least one point, times strictly ascending, and as many values as times");
     None
 }
 
@@ -133,7 +134,7 @@ fn file(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Op
         if let Some(&last) = time_s.last()
             && time <= last
         {
-            return Err((follows(time, last), "times strictly rising"));
+            return Err((follows(time, last), "times strictly ascending"));
         }
         time_s.push(time);
         values.push(value);

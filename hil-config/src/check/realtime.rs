@@ -58,7 +58,7 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
     {
         mismatch(
             "wait",
-            format!("plant and controller share core {core} and neither would yield it"),
+            format!("plant and controller share core {core}, and neither would yield it"),
             "`yield` or `hybrid`, or a core for each side",
         );
     }
@@ -70,10 +70,10 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
         mismatch(
             "recorder_core",
             format!(
-                "core {core} belongs to a loop of priority {}",
+                "core {core} is used by a loop of priority {}",
                 realtime.priority
             ),
-            "another core: the recorder has ordinary priority and would hardly ever run",
+            "another core, because the recorder has ordinary priority and would hardly ever run",
         );
     }
 }

@@ -226,7 +226,7 @@ fn expression(
     for error in &errors {
         let name = &text[error.span.clone()];
         let is_later = later.contains(name);
-        let help = is_later.then_some("a derived signal may use only those above it");
+        let help = is_later.then_some("a derived signal may use only those defined above it");
         report(reader, section, key, text, error, help);
     }
     expression.filter(|_| errors.is_empty())

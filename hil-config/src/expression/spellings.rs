@@ -218,7 +218,7 @@ pub(crate) fn of_function(name: &str) -> Option<String> {
         .find_map(|unit| name.strip_suffix(unit));
     let kind = named(&FIGURES, stem.unwrap_or(name))?;
     Some(format!(
-        "`{name}` is no function but a figure of a metric; write a [[metrics]] with kind = \"{kind}\""
+        "`{name}` is not a function but a figure of a metric; add a [[metrics]] with kind = \"{kind}\""
     ))
 }
 

@@ -218,7 +218,7 @@ impl Parser<'_> {
             }
         }
         if left.expression.is_constant() && right.expression.is_constant() {
-            let message = "it compares numbers and no signal, and so does not depend on the run";
+            let message = "the comparison has only numbers and no signal, so it does not depend on the run; compare a signal";
             return Err(self.words.error(span, message));
         }
         self.words.at = end;

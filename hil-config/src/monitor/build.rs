@@ -51,7 +51,7 @@ impl Built {
             return Ok(());
         }
         let message = format!(
-            "it would keep {margins} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
+            "the formula would keep {margins} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
         );
         Err(formula.error(0..formula.to_string().len(), message))
     }

@@ -102,7 +102,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     queue.hold_at(until);
                     Ok(until)
                 } else {
-                    Err("the run is not paused; `hil pause` first".into())
+                    Err("the run is not paused; pause it first with `hil pause`".into())
                 });
             }
             LoopRequest::Record(answer) => {
@@ -115,7 +115,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 let _ = answer.send(if is_late {
                     Err("the run is over".into())
                 } else if epoch != tuning.offered().epoch {
-                    Err("another controller took over meanwhile, or there is none".into())
+                    Err("the controller changed or was lost after the check of this change; send the change again".into())
                 } else {
                     tuning.admit(*change, step)
                 });
@@ -145,7 +145,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     let mark = Mark { step: step.0, text };
                     self.publisher.sink.event(&Event::Mark(mark))?;
                 }
-                let refusal = || format!("the run has {MOST_MARKS} marks, which is the maximum");
+                let refusal = || {
+                    format!(
+                        "a run can have at most {MOST_MARKS} marks, and this run already has that many; add further notes to a new run"
+                    )
+                };
                 let _ = answer.send(has_room.then_some(step).ok_or_else(refusal));
             }
         }

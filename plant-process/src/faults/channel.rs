@@ -106,7 +106,7 @@ impl Channel {
 
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedChannel) -> Result<(), Invalid> {
-        let not_one = || Invalid("the state of the link is not one of this plant".into());
+        let not_one = || Invalid("the state of the link does not belong to this plant".into());
         if saved.received.len() != self.width {
             return Err(not_one());
         }

@@ -159,7 +159,9 @@ impl Effect {
         };
         let (theirs, ours) = (what(&saved.size), what(&self.size));
         if theirs != ours {
-            return Err(Invalid(format!("{theirs} was saved, not {ours}")));
+            return Err(Invalid(format!(
+                "the state was saved for {theirs}, not for {ours}"
+            )));
         }
         self.life = saved.life;
         self.size = FaultEffectSize {

@@ -276,14 +276,14 @@ impl FaultLayer {
             let trigger = &fault.event().trigger;
             if let Some(other) = self.schedule.follows_in_vain(trigger) {
                 return Err(format!(
-                    "fault {other} ended before it took hold: nothing can follow it"
+                    "fault {other} ended before it took effect, so nothing can follow it"
                 ));
             }
             let hold = self.schedule.hold_of(trigger, next);
             if let Some(step) = hold.filter(|&step| step < next.0) {
                 let (at_s, next_s) = (self.rate.seconds(Step(step)), self.rate.seconds(next));
                 return Err(format!(
-                    "step {step} ({at_s} s) is past: the run is at step {next} ({next_s} s)"
+                    "step {step} ({at_s} s) is past, because the run is at step {next} ({next_s} s); choose a later time"
                 ));
             }
         }
@@ -435,7 +435,7 @@ fn restore_effects(effects: &mut [Effect], saved: &[SavedEffect]) -> Result<(), 
     if saved.len() != effects.len() {
         let (theirs, ours) = (saved.len(), effects.len());
         return Err(Invalid(format!(
-            "{theirs} effects of faults were saved, but there are {ours} here"
+            "the state contains {theirs} effects of faults, but this run has {ours}"
         )));
     }
     let mut pairs = effects.iter_mut().zip(saved);

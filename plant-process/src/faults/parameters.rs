@@ -67,7 +67,9 @@ impl Parameters {
         if saved.present.len() == self.present.len() {
             Ok(())
         } else {
-            Err(Invalid("its parameters are not those of this plant".into()))
+            Err(Invalid(
+                "the parameters in the state are not those of this plant".into(),
+            ))
         }
     }
 

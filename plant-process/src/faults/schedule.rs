@@ -112,7 +112,7 @@ impl Schedule {
         if saved.len() != self.events.len() || !self.events.iter().zip(saved).all(same) {
             let (theirs, ours) = (saved.len(), self.events.len());
             return Err(Invalid(format!(
-                "{theirs} faults were saved, which are not the {ours} here"
+                "the state contains {theirs} faults, which are not the {ours} of this run"
             )));
         }
         for (scheduled, saved) in self.events.iter_mut().zip(saved) {
@@ -440,7 +440,7 @@ impl Schedule {
             .filter_map(|effect| scheduled.begin_of(effect));
         match (begins.min(), self.follows_in_vain(trigger)) {
             (Some(step), _) => format!("step {step}"),
-            (None, Some(other)) => format!("fault {other}, which ended before it took hold"),
+            (None, Some(other)) => format!("fault {other}, which ended before it took effect"),
             (None, None) => waits_for(trigger),
         }
     }
@@ -467,8 +467,8 @@ pub(super) fn waits_for(trigger: &Trigger) -> String {
             _ => format!("`{expression}` to hold for {records} consecutive records"),
         },
         Trigger::After { event, delay_steps } => match delay_steps {
-            0 => format!("fault {event} to take hold"),
-            _ => format!("{delay_steps} steps after fault {event} takes hold"),
+            0 => format!("fault {event} to take effect"),
+            _ => format!("{delay_steps} steps after fault {event} takes effect"),
         },
     }
 }

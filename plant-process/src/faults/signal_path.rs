@@ -59,7 +59,9 @@ impl SignalPath {
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedPath) -> Result<(), Invalid> {
         if saved.kept.len() != self.kept.len() {
-            return Err(Invalid("its signals are not those of this plant".into()));
+            return Err(Invalid(
+                "the signals in the state are not those of this plant".into(),
+            ));
         }
         // Not replaced: they have room for every armed effect.
         self.signals.clone_from(&saved.signals);

@@ -126,7 +126,8 @@ fn await_end(
             None if output.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
             None if stopped_since.is_some_and(|since| since.elapsed() > stopped_limit) => {
                 let limit_s = stopped_limit.as_secs_f64();
-                let reason = format!("it was stopped, and gave no answer within {limit_s} s");
+                let reason =
+                    format!("the program was stopped and did not answer within {limit_s} s");
                 return Err(NoAnswer::Failed(reason));
             }
             None if since.elapsed() > limit(&LIMIT_MS) => {
@@ -165,7 +166,7 @@ impl Heard {
     /// Returns the answer of a program that has ended.
     fn answer(self, status: ExitStatus) -> Result<Answer, String> {
         let collect = |ear: &Ear| {
-            let held_open = |_| "a process started by it holds its output open".to_owned();
+            let held_open = |_| "a process that it started holds its output open".to_owned();
             ear.bytes.recv_timeout(ANSWER_LIMIT).map_err(held_open)
         };
         let stdout = collect(&self.stdout)?;
@@ -210,6 +211,9 @@ mod tests {
         let stops = ["-c", "kill -STOP $$"];
         let answer = ask(Path::new("sh"), &stops, &|| false).map(|answer| answer.status);
         let reason = answer.expect_err("it is stopped").to_string();
-        assert_eq!(reason, "it was stopped, and gave no answer within 0.2 s");
+        assert_eq!(
+            reason,
+            "the program was stopped and did not answer within 0.2 s"
+        );
     }
 }

@@ -27,12 +27,12 @@ pub const OBJECTIONS: &str = "judge";
 pub enum LiveError {
     /// Missing listener: the plant does not listen yet, or has ended.
     #[error(
-        "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
+        "the plant of session `{0}` takes no requests, because it is starting or has ended; see `hil sessions`"
     )]
     Absent(String),
     /// Plant that accepts the connection but does not respond.
     #[error(
-        "the plant of session `{session}` gave no answer within {limit_s} s; is it stopped, or held by a debugger?"
+        "the plant of session `{session}` did not respond within {limit_s} s; is it stopped, or held by a debugger?"
     )]
     Silent {
         /// The session.
@@ -95,7 +95,7 @@ pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     if read.map_err(broken)? == 0 {
         return Err(LiveError::Broken {
             session: name(),
-            what: "it closed the connection without an answer".into(),
+            what: "the plant closed the connection without a response".into(),
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))

@@ -100,7 +100,7 @@ pub fn enter(session: &SessionInfo, side: Side) -> Result<(Supervision, Leash), 
     let (name, role) = (&session.name, side.name());
     let no_place = |error: &dyn std::fmt::Display| {
         format!(
-            "session `{name}` expects no manually started {role} ({error}); `hil run --{role} external` does"
+            "session `{name}` expects no manually started {role} ({error}); start the run with `hil run --{role} external`"
         )
     };
     let token = session.read_file(&token_file(side));

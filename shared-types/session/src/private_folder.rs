@@ -64,7 +64,7 @@ impl PrivateFolder {
             });
         }
         Err(io::Error::other(format!(
-            "no place is free in {}",
+            "no free name for a folder in {}; try again",
             all.display()
         )))
     }

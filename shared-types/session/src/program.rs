@@ -228,7 +228,7 @@ pub fn check_protocol(theirs: u32) -> Result<(), String> {
         Ok(())
     } else {
         Err(format!(
-            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both from one version"
+            "the launcher speaks protocol {theirs}, but this binary speaks {PROTOCOL}; build both from one version"
         ))
     }
 }

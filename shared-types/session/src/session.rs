@@ -93,7 +93,9 @@ pub enum SessionError {
     #[error("{0} is not your private folder; remove it or have it removed")]
     NotPrivate(PathBuf),
     /// Lock over all sessions that another `hil` holds for too long.
-    #[error("{0} is locked for more than 10 s; is a stopped `hil` holding it?")]
+    #[error(
+        "{0} has been locked for more than 10 s; if a stopped `hil` holds the lock, resume or end it"
+    )]
     Locked(PathBuf),
     /// Refusal by the operating system.
     #[error("cannot {action} {}: {error}", path.display())]

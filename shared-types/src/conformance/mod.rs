@@ -41,7 +41,7 @@ impl Sentence {
             check();
         });
         if ended.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
-            return Err(format!("`{name}` hangs: it did not end within {limit:?}"));
+            return Err(format!("`{name}` hangs: no end within {limit:?}"));
         }
         thread.join().map_err(|panic| {
             let text = (panic.downcast_ref::<String>().map(String::as_str))

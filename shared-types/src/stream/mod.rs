@@ -166,7 +166,7 @@ impl Assembler {
         if lost > LARGEST_LOSS {
             let last = self.last;
             return take(Item::Broken(format!(
-                "item {sequence} came after item {last}, an impossible loss: the stream's memory was overwritten"
+                "item {sequence} came after item {last}, which is an impossible loss: the stream's memory was overwritten"
             )));
         }
         if lost > 0 {

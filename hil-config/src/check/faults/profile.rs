@@ -44,7 +44,8 @@ pub(super) fn check(
         && section.table.get(&speed.name).is_some()
     {
         let path = section.path_of(&speed.name);
-        let message = format!("`{path}` is the speed of a course that `profile` replaces");
+        let message =
+            format!("`{path}` is the speed of the default course, which `profile` replaces");
         reader
             .report_at(section, &speed.name, ProblemKind::Mismatch, message)
             .expected(format!(
@@ -104,7 +105,7 @@ fn asked_for(
                         message,
                     )
                     .expected(format!("at most {MOST_POINTS} points"))
-                    .help("a stimulus of kind `table` takes more");
+                    .help("use a stimulus of kind `table` for more points");
                 return None;
             }
             let span = points::Span::of_effect(left_s);

@@ -69,7 +69,7 @@ pub(super) fn of_plant<'d>(
                 let path = section.path.clone();
                 reader
                     .report(ProblemKind::Mismatch, path, section.place, message)
-                    .expected("another kind of fault: the plant's description is wrong");
+                    .expected("another kind of fault, because the plant's description is wrong");
                 None
             }
         };

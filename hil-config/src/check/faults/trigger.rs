@@ -96,7 +96,7 @@ pub(super) fn condition(
             None => section.place_of(key),
         };
         let message = format!(
-            "`{}` must hold for {records} consecutive records, and the run is over before a step follows them",
+            "`{}` must hold for {records} consecutive records, but the run ends before the step after them",
             section.path_of(key)
         );
         reader
@@ -142,7 +142,7 @@ pub(super) fn earliest(
                 };
                 reader
                     .report_at(section, "after", ProblemKind::Mismatch, message)
-                    .expected("an event that takes hold by itself");
+                    .expected("an event that takes effect by itself");
                 None
             }
         })
@@ -168,7 +168,7 @@ fn in_time(
     reader
         .report_at(section, key, ProblemKind::OutOfRange, message)
         .expected(format!(
-            "that the fault takes hold by {} s, step {}",
+            "that the fault takes effect by {} s, step {}",
             number(grid.rate.seconds(Step(grid.steps - 1))),
             grid.steps - 1
         ));

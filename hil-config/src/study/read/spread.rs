@@ -34,7 +34,7 @@ pub(super) fn spread(
                         own,
                         "max",
                         ProblemKind::OutOfRange,
-                        "no lognormal value is so small",
+                        "no lognormal value is that small",
                     )
                     .expected("max above 0");
                 return None;
@@ -209,7 +209,7 @@ fn grid(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
                 own,
                 "min",
                 ProblemKind::OutOfRange,
-                "equal ratios from 0 or below",
+                "equal ratios cannot start at 0 or below",
             )
             .expected("min above 0, or scale = \"linear\"");
         return None;

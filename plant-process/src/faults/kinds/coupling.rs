@@ -36,7 +36,7 @@ impl FaultKind for CrossCoupling {
                 return Ok((place - 1, row[1]));
             }
             Err(Invalid(format!(
-                "`cross` names signal {place}; there are 1 to {most}"
+                "`cross` names signal {place}, but there are only the signals 1 to {most}"
             )))
         };
         if setup.list.is_empty() {

@@ -84,14 +84,14 @@ impl FaultKind for Loss {
     fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
         if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`pattern` replaces `probability`; give one of them".into(),
+                "`pattern` replaces `probability`; give only one of them".into(),
             ));
         }
         let lost = |value: &f64| match *value {
             0.0 => Ok(false),
             1.0 => Ok(true),
             other => Err(Invalid(format!(
-                "`pattern` has {other}; only 0 and 1 mean something"
+                "`pattern` contains {other}; use only 0 (delivered) and 1 (lost)"
             ))),
         };
         Ok(Self {

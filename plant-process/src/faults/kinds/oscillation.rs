@@ -25,7 +25,7 @@ shared_types::table! {
         amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Frequency f.
         frequency_hz: "Hz" = 1.0 in 1e-6..=1e6,
-        /// Phase p when the fault takes hold.
+        /// Phase p when the fault takes effect.
         phase_rad: "rad" = 0.0 in (-1e3)..=1e3,
     }
 }
@@ -66,7 +66,7 @@ shared_types::table! {
         amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Frequency f.
         frequency_hz: "Hz" = 1.0 in 1e-6..=1e6,
-        /// Phase p when the fault takes hold.
+        /// Phase p when the fault takes effect.
         phase_rad: "rad" = 0.0 in (-1e3)..=1e3,
         /// Mean c.
         offset: "target" = 0.0 in (-LARGEST)..=LARGEST,

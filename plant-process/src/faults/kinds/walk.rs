@@ -95,7 +95,7 @@ pub struct RandomWalk {
 
 impl FaultKind for RandomWalk {
     const NAME: &'static str = "random-walk";
-    const SUMMARY: &'static str = "An error is added that walks away at random, from 0 at the step at which the fault took hold.";
+    const SUMMARY: &'static str = "An error is added that walks away at random, from 0 at the step at which the fault took effect.";
     const EQUATION: &'static str = "y = x + b g; b(k0) = 0, b(k) = b(k - 1) + K sqrt(dt) n(k), n normal with mean 0 and variance 1";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = RandomWalkParameters;

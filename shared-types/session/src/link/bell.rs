@@ -134,7 +134,7 @@ impl Bell {
                 DynamicStorageOpenError::DoesNotExist
                 | DynamicStorageOpenError::InitializationNotYetFinalized => LinkError::Absent {
                     service: name.clone(),
-                    reason: "the plant has not created it".into(),
+                    reason: "the plant has not created the bell".into(),
                 },
                 error => transport(&name, error),
             })

@@ -279,7 +279,7 @@ impl Link for IceoryxLink {
         Ok(match strangers.next() {
             None => Peer::Launched,
             Some(pid) => Peer::Stranger(format!(
-                "process {pid}{} acts as the controller; the launched one is process {}",
+                "process {pid}{} acts as the controller, but the process launched as the controller is {}",
                 ProcessId::name(pid).map_or_else(String::new, |name| format!(" ({name})")),
                 launched.process.pid
             )),

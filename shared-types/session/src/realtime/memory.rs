@@ -36,7 +36,7 @@ fn may_lock() -> Result<(), String> {
         capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
     match getrlimit(Resource::Memlock).current {
         Some(bytes) if !privileged => Err(format!(
-            "only {bytes} bytes may be locked, not all memory of the process"
+            "the limit for locked memory is {bytes} bytes, but all memory of the process must be locked; raise the limit as shown"
         )),
         _ => Ok(()),
     }

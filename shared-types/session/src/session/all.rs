@@ -269,11 +269,7 @@ mod tests {
 
         let lock = private_file(&path).expect("made");
         flock(&lock, FlockOperation::NonBlockingLockExclusive).expect("free");
-        assert!(
-            message().ends_with("is a stopped `hil` holding it?"),
-            "{}",
-            message()
-        );
+        assert!(message().ends_with("resume or end it"), "{}", message());
         drop(lock);
         assert_eq!(message(), "locked");
     }

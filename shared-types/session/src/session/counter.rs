@@ -35,7 +35,7 @@ impl SessionInfo {
         let others = self.segments().into_iter().find(|path| *path != counter);
         others.map_or(Ok(()), |other| {
             let reason = format!(
-                "iceoryx2 made {} instead of using the existing file; is it another version?",
+                "iceoryx2 created {} instead of using the existing file; is it another version?",
                 other.display()
             );
             Err(io::Error::new(ErrorKind::Unsupported, reason))

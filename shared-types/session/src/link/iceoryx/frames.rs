@@ -157,7 +157,7 @@ fn board<const WORDS: usize>(
                     error => LinkError::Foreign {
                         service: name.into(),
                         reason: format!(
-                            "iceoryx2 reports {error:?}; both sides must be of one run"
+                            "iceoryx2 reports {error:?}; both sides must belong to one run"
                         ),
                     },
                 })
