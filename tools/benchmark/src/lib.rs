@@ -67,7 +67,7 @@ fn check_folder_of(file: &Path) -> Result<(), Failure> {
     match absolute.parent() {
         Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
         _ => Err(Failure::usage(format!(
-            "{} cannot be written: its folder does not exist, or it is itself a folder",
+            "cannot write {}: its folder does not exist, or it is itself a folder",
             file.display()
         ))),
     }

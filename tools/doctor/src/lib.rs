@@ -190,7 +190,7 @@ impl Measurement<'_> {
     fn undisturbed(&self) -> Result<Vec<Finding>, Failure> {
         let (seconds, class) = (self.seconds, self.class);
         let core = self.first_core()?;
-        self.announce(&format!("company on cores {}", self.cores.chosen));
+        self.announce(&format!("contention on cores {}", self.cores.chosen));
         let company = company::measure(&Root::machine(), &self.cores.chosen, seconds);
         self.announce(&format!("wake-ups on core {core}"));
         let wake_ups = wake_up::measure(core, seconds).map_err(|e| self.unusable(&e))?;
@@ -208,7 +208,7 @@ impl Measurement<'_> {
 
         let mut holes = Vec::new();
         for core in chosen {
-            self.announce(&format!("holes on core {core}"));
+            self.announce(&format!("gaps on core {core}"));
             holes.push(gaps::measure(core, seconds).map_err(|e| self.unusable(&e))?);
         }
         let holes = self.with_priority(gaps::finding(&holes, seconds, class));

@@ -115,7 +115,9 @@ impl RunReader {
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
                 return Err(match reader.end() {
-                    (Some(FileEnd::Whole), _) => reader.foreign("it has no channel `/record`"),
+                    (Some(FileEnd::Whole), _) => {
+                        reader.foreign("the file has no channel `/record`")
+                    }
                     (_, length) => ReadError::Cut {
                         path: reader.path,
                         length,
@@ -196,7 +198,7 @@ impl RunReader {
     pub fn rate(&self) -> Result<Rate, ReadError> {
         let hz = self.fact("rate_hz").and_then(|hz| hz.parse().ok());
         hz.and_then(Rate::new)
-            .ok_or_else(|| self.foreign("it has no rate"))
+            .ok_or_else(|| self.foreign("the file has no rate"))
     }
 
     /// Returns an attachment by its name.
@@ -205,7 +207,7 @@ impl RunReader {
     /// If there is no such attachment.
     pub fn attachment(&self, name: &str) -> Result<&str, ReadError> {
         let text = self.attachments.get(name).map(String::as_str);
-        text.ok_or_else(|| self.foreign(format!("it has no attachment `{name}`")))
+        text.ok_or_else(|| self.foreign(format!("the file has no attachment `{name}`")))
     }
 
     /// Parses a JSON attachment.
@@ -347,7 +349,7 @@ impl RunReader {
                 self.channels.insert(channel.id, None);
                 let schema = self.schemas.get(&channel.schema_id);
                 let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
-                    return Err(self.foreign("its schema is invalid"));
+                    return Err(self.foreign("the file's schema is invalid"));
                 };
                 if !self.columns.is_empty() && columns != self.columns {
                     return Err(self.damaged(format!("its channel {RECORD_TOPIC} changes")));

@@ -109,8 +109,9 @@ impl Agent<'_> {
                     bytes,
                 })) => {
                     if protocol != PROTOCOL {
-                        let reason =
-                            format!("the desk speaks protocol {protocol}, the agent {PROTOCOL}");
+                        let reason = format!(
+                            "the desk speaks protocol {protocol}, but the agent speaks {PROTOCOL}; use programs of the same version"
+                        );
                         return Err((true, reason));
                     }
                     storing = None;
@@ -125,13 +126,17 @@ impl Agent<'_> {
                 }
                 Some(Heard::Part(part)) => {
                     let Some((blake3, begun)) = &mut storing else {
-                        return Err((false, "a part of no file came".into()));
+                        return Err((
+                            false,
+                            "received a part of a file that was not announced".into(),
+                        ));
                     };
                     if !begun.take(&part).map_err(failed)? {
                         self.mouth.say(&ToDesk::Taken);
                     } else {
                         let path = self.programs.find(blake3);
-                        let path = path.ok_or((false, "the program is gone again".to_owned()))?;
+                        let path =
+                            path.ok_or((false, "the program is no longer available".to_owned()))?;
                         let blake3 = blake3.clone();
                         storing = None;
                         self.have(blake3, path);
@@ -153,10 +158,13 @@ impl Agent<'_> {
                 Some(Heard::Message(ToAgent::Run(request))) => return self.begin(&request),
                 Some(Heard::Message(ToAgent::Beat)) => {}
                 Some(Heard::Message(_) | Heard::Packet(_)) => {
-                    return Err((false, "something of a run came before the run".into()));
+                    return Err((
+                        false,
+                        "received a message of a run before the run began".into(),
+                    ));
                 }
                 Some(Heard::Closed(_)) => return Ok(()),
-                None => return Err((false, "the desk says nothing".into())),
+                None => return Err((false, "the desk sent nothing for too long".into())),
             }
         }
     }
@@ -169,7 +177,7 @@ impl Agent<'_> {
     fn program(&self) -> Result<&(String, PathBuf), Refusal> {
         self.program
             .as_ref()
-            .ok_or((false, "no program was named".into()))
+            .ok_or((false, "the first message did not name a program".into()))
     }
 
     fn ask(&self, arguments: &[std::ffi::OsString]) -> Result<(), Refusal> {
@@ -189,7 +197,7 @@ impl Agent<'_> {
     fn begin(&mut self, request: &RunRequest) -> Result<(), Refusal> {
         let beats = self.beats.take();
         let (blake3, program) = self.program()?;
-        let key = Key::from_hex(&request.key).ok_or((false, "that is no key".to_owned()))?;
+        let key = Key::from_hex(&request.key).ok_or((false, "the key is malformed".to_owned()))?;
         let first = from_hex(&request.handshake).unwrap_or_default();
         let believed = prologue(blake3, &request.job, request.epoch);
         let (seal, second) = answer(&key, &believed, &first).map_err(failed)?;
@@ -238,7 +246,7 @@ fn failed(error: impl std::fmt::Display) -> Refusal {
 }
 
 fn cannot_run(error: &dyn std::fmt::Display) -> String {
-    format!("cannot run the program there: {error}")
+    format!("cannot run the program on the target: {error}")
 }
 
 mod beats;

@@ -87,7 +87,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     if found != blake3 {
         let file = file.display();
         return Err(format!(
-            "{file} was changed after it was checked, so it is not run"
+            "{file} was changed after the check, so it is not run; start again"
         ));
     }
     let way = &way.clone().with_silence(limit_s);
@@ -216,7 +216,7 @@ impl Bridge {
             match self.note(passed) {
                 Action::Finish(exit) => return self.finish(exit),
                 Action::GiveUpStop => {
-                    return Err(self.of_target("it was asked to stop and said nothing"));
+                    return Err(self.of_target("it was asked to stop but did not respond"));
                 }
                 Action::GiveUpSilent => {
                     let limit_s = limit.ms() as f64 / 1e3;
@@ -459,9 +459,9 @@ impl Bridge {
             .address
             .map_or_else(String::new, |address| format!(" to {address}"));
         let text = match notice {
-            Notice::Lost => format!(
-                "no datagram gets through{to}; the frames go through the connection, which takes longer"
-            ),
+            Notice::Lost => {
+                format!("no datagrams get through{to}, so the frames use the slower connection")
+            }
             Notice::Restored => format!("datagrams get through{to} again"),
         };
         program::say(&self.of_target(&text));

@@ -82,7 +82,7 @@ impl Contact {
             }
             ToDesk::Here { protocol, .. } => {
                 return Err(way.usage(format!(
-                    "its agent speaks protocol {protocol}, this hil {PROTOCOL}; use programs of the same version"
+                    "its agent speaks protocol {protocol}, but this hil speaks {PROTOCOL}; use programs of the same version"
                 )));
             }
             _ => {
@@ -122,7 +122,7 @@ impl Contact {
             };
             let program = program.display();
             return Err(self.way.usage(format!(
-                "{program} is built for {built}, the target is {machine}: {how}"
+                "{program} is built for {built}, but the target is {machine}: {how}"
             )));
         }
         let mut file = File::open(program).map_err(cannot)?;

@@ -40,7 +40,7 @@ impl AllowedPrograms {
             fs::metadata(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         if metadata.uid() != rustix::process::geteuid().as_raw() || metadata.mode() & 0o022 != 0 {
             return Err(format!(
-                "{} is not a folder of this user alone",
+                "{} is not a folder of this user alone; restrict it with `chmod 700`",
                 folder.display()
             ));
         }
@@ -58,7 +58,7 @@ impl AllowedPrograms {
             let metadata = fs::metadata(program).map_err(in_words)?;
             if !metadata.is_file() || metadata.mode() & 0o111 == 0 {
                 return Err(format!(
-                    "{} is not executable; `chmod +x` it, or list another",
+                    "{} is not executable; run `chmod +x` on it, or list another program",
                     program.display()
                 ));
             }
@@ -99,7 +99,7 @@ impl AllowedPrograms {
     /// If only listed programs are allowed, or there is no space.
     pub(crate) fn store(&self, blake3: &str, bytes: u64) -> Result<Storing, Refusal> {
         let Self::Cached(folder) = self else {
-            let reason = "this agent runs only the programs that were listed when it was started";
+            let reason = "this agent runs only the programs that were listed when it was started; add the program with --allow";
             return Err((true, reason.into()));
         };
         if blake3::Hash::from_hex(blake3).is_err() {

@@ -168,7 +168,9 @@ impl Start<'_> {
         let (mut noise, since) = (0, Instant::now());
         loop {
             if since.elapsed() > SPEAKS {
-                return Err(self.way.usage("its shell profile does not finish"));
+                return Err(self
+                    .way
+                    .usage("its shell profile does not finish; it must end without input"));
             }
             let line = self.line(SPEAKS)?;
             // A profile may print an unterminated line before it.

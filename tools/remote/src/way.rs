@@ -120,7 +120,7 @@ impl Way {
                 return Ok(named.clone());
             }
             return Err(self.usage(format!(
-                "{} is built for {}, the target is {machine}",
+                "{} is built for {}, but the target is {machine}",
                 named.display(),
                 built.as_deref().unwrap_or("no machine")
             )));

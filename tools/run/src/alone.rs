@@ -44,7 +44,7 @@ pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
     match plan.run.clock {
         Clock::Lockstep => Ok(()),
         Clock::Paced { .. } | Clock::Realtime => Err(Failure::usage(format!(
-            "run.clock = \"{}\": runs without processes are in lockstep, which follows no clock",
+            "run.clock = \"{}\": runs without processes are in lockstep, which ignores the clock",
             plan.run.clock.name()
         ))),
     }

@@ -276,7 +276,7 @@ impl Controllers {
     /// Describes a controller reported by the plant that was never started.
     pub(crate) fn unknown(&self) -> Option<String> {
         let describe =
-            |epoch| format!("the plant reports controller {epoch}, which was not started");
+            |epoch| format!("the plant reports controller {epoch}, which was never started");
         self.unknown.map(describe)
     }
 
@@ -427,7 +427,7 @@ impl Controllers {
             return; // another one was just requested
         }
         if self.restarts == RESTARTS {
-            let most = format!("it was restarted {RESTARTS} times, the maximum");
+            let most = format!("it was already restarted {RESTARTS} times, which is the maximum");
             self.exhausted = Some(most);
             plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
             return;

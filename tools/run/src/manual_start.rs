@@ -107,7 +107,7 @@ fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<()
     let words = [program, &prepared.session.folder].map(Path::to_str);
     let [Some(program), Some(folder)] = words else {
         return Err(Failure::usage(format!(
-            "{}: its path is not valid UTF-8, so no command can be printed",
+            "{}: its path is not valid UTF-8, so no command can be printed; rename the path",
             program.display()
         )));
     };
@@ -175,7 +175,7 @@ fn judge(
     let side = role.name();
     if !own.is(token) {
         return Err(format!(
-            "the token is not that of the {side} of this session"
+            "the token does not belong to the {side} of this session"
         ));
     }
     let peer = socket_peercred(client).map_err(|error| error.to_string())?;
@@ -199,7 +199,7 @@ fn judge(
     if actual != binary.blake3 {
         let (path, expected) = (binary.path.display(), &binary.blake3);
         return Err(format!(
-            "process {pid} runs {program} with hash {actual}, but {path} with hash {expected} was checked: start that, or name yours with --{side}-bin"
+            "process {pid} runs {program} with hash {actual}, but the checked program is {path} with hash {expected}: start that program, or name yours with --{side}-bin"
         ));
     }
     Ok(*process)

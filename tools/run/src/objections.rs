@@ -71,7 +71,7 @@ fn check_controller(
     let target = binary.at.as_ref().map(Reached::target);
     if let Some(target) = target.filter(|target| matches!(target, Target::Serve(_))) {
         return Err(format!(
-            "{target} serves one session at a time, so its program cannot judge other parameters meanwhile; `[[changes]]` of a scenario are judged before the run"
+            "{target} serves one session at a time, so its program cannot judge other parameters during a run; use `[[changes]]` of a scenario, which are judged before the run"
         ));
     }
     let job = jobs::tuned(job, &question.parameters);

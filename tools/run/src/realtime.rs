@@ -87,7 +87,7 @@ pub fn check(
         if !matches!(usable, Ok(Ok(()))) {
             let there = &cores.online;
             return Err(Failure::usage(format!(
-                "realtime.{key} = {core} cannot be used; the cores of this machine are {there}"
+                "realtime.{key} = {core} cannot be used; the available cores of this machine are {there}"
             )));
         }
     }

@@ -239,7 +239,7 @@ impl Recorder {
         thread.thread().unpark(); // it may be sleeping
         if !self.comes_back(&thread) {
             tell!(
-                "error: the recorder is stuck in memory that it shares with the plant: the memory was corrupted"
+                "error: the recorder is stuck in memory that it shares with the plant, because that memory was corrupted"
             );
             std::process::abort();
         }

@@ -253,7 +253,7 @@ impl SideProcess {
         let status = self.status?;
         if self.is_silent {
             return Some(format!(
-                "{}, started by hand, ended without reporting why: killed, or its debugger ended",
+                "{}, which was started by hand, ended without reporting why: it was killed, or its debugger ended",
                 self.name
             ));
         }

@@ -134,7 +134,7 @@ impl SwapContext {
     ) -> Result<Swapped, String> {
         if self.saves {
             return Err(
-                "this run makes checkpoints, or continues from one: its controller cannot change"
+                "this run makes checkpoints or continues from one, so its controller cannot change"
                     .into(),
             );
         }
@@ -165,7 +165,7 @@ impl SwapContext {
                 if binary.blake3 != first.blake3 {
                     let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
                     return Err(format!(
-                        "{path} has changed since the run began: its hash is {now}, at the start it was {then}; use --bin {path} to accept the new one"
+                        "{path} has changed since the run began: its hash was {then} and is now {now}; use --bin {path} to accept the new file"
                     ));
                 }
                 binary
@@ -229,7 +229,7 @@ impl SwapContext {
         if let (false, Some(other)) = (is_fmu, set_for_fmu) {
             let path = binary.path.display();
             return Err(Failure::usage(format!(
-                "--set {other}: {path} is not an FMU, so this has no effect"
+                "--set {other} has no effect, because {path} is not an FMU"
             )));
         }
         let left_out = leave_out(&mut document, &binary.description.laws, is_fmu);

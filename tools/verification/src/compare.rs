@@ -160,7 +160,7 @@ pub fn compare(
     if rate != rate_b {
         let (a, b) = (rate.hz(), rate_b.hz());
         let what = format!(
-            "the runs have different rates, {} and {}: their steps are at different times",
+            "the runs have different rates, {} and {}, so their steps are at different times",
             exact_in(a, "Hz"),
             exact_in(b, "Hz")
         );
@@ -214,7 +214,7 @@ impl Comparison {
             return Ok(());
         }
         let (a, b) = (&self.a.run, &self.b.run);
-        let what = format!("neither {a} nor {b} has a record: there is nothing to compare");
+        let what = format!("neither {a} nor {b} has a record, so there is nothing to compare");
         Err(CompareError::NotComparable(what))
     }
 
@@ -269,7 +269,7 @@ impl Comparison {
             if !side.whole {
                 writeln!(
                     text,
-                    "  {0} was cut off and is compared as far as it goes; `hil recover {0}` makes a complete file of it",
+                    "  {0} was cut off and is compared as far as possible; complete it with `hil recover {0}`",
                     side.run
                 )?;
             }

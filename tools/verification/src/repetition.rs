@@ -83,7 +83,7 @@ fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failur
         ControllerFate::Refused { .. } => return Ok(()),
     };
     Err(Failure::usage(format!(
-        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` still work"
+        "{run} {what}: a run whose controller changed cannot be repeated; use `hil judge`, `hil compare` or `hil export` instead"
     )))
 }
 
@@ -212,7 +212,7 @@ impl RecordedScenario {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
-                "# Fault {} of the scenario, `{}`, is left out: it was cleared before it took hold.",
+                "# Fault {} of the scenario, `{}`, is left out because it was cleared before it took effect.",
                 event.id,
                 comment(&event.kind)
             );
@@ -239,7 +239,7 @@ impl RecordedScenario {
                     let _ = write!(text, "\n# {request}.\n{}", toml.trim_start());
                 }
                 None => {
-                    let _ = writeln!(text, "\n# {request}; it never took hold.");
+                    let _ = writeln!(text, "\n# {request}; it never took effect.");
                 }
             }
         }

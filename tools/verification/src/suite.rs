@@ -89,10 +89,14 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
     for (number, case) in (1..).zip(&mut cases) {
         let settings = &mut case.environment.settings;
         if settings.pause_at_s.is_some() {
-            return Err(Failure::usage("--pause-at requires a single run"));
+            return Err(Failure::usage(
+                "--pause-at requires a single run; run one scenario, once",
+            ));
         }
         if let Some(flag) = settings.by_hand.flag() {
-            return Err(Failure::usage(format!("{flag} requires a single run")));
+            return Err(Failure::usage(format!(
+                "{flag} requires a single run; run one scenario, once"
+            )));
         }
         settings.is_one_of_many = true;
         settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
@@ -226,7 +230,7 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
             "--jobs {jobs} exceeds the {cores} available cores; every run needs {wants}"
         ))),
         Some(2..) if arguments.options.target.serves_one() => Err(Failure::usage(
-            "--jobs: a listening agent serves one session at a time",
+            "--jobs cannot be used here: a listening agent serves one session at a time; omit --jobs",
         )),
         Some(jobs) => Ok(jobs),
         None if against_clock || arguments.options.target.target.is_some() => Ok(1),

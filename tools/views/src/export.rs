@@ -247,10 +247,10 @@ impl ExportPass {
         if exported.rows == 0 {
             let (records, rate) = (self.reader.records(), self.picking.rate);
             return Err(Failure::usage(if records == 0 {
-                format!("{run} holds no step")
+                format!("{run} has no steps")
             } else {
                 let end_s = rate.seconds(Step(self.reader.step()));
-                format!("no step of {run} lies in that window; it ends at {end_s} s")
+                format!("no step of {run} lies in that window; the run ends at {end_s} s")
             }));
         }
         exported.scenario = self.reader.fact("scenario").map(str::to_owned);

@@ -199,7 +199,7 @@ pub(super) fn notice(
         }
         if since.elapsed() > START_LIMIT {
             return Err(Failure::usage(format!(
-                "session `{name}` cannot be watched: it is a replay or a measurement"
+                "session `{name}` cannot be watched, because it is a replay or a measurement"
             )));
         }
         std::thread::sleep(LOOK);

@@ -213,11 +213,13 @@ pub fn with_run(
     }
     let is_single = arguments.scenarios.len() < 2 && arguments.repeat == 1 && !arguments.audit;
     if !is_single {
-        return Err(Failure::usage("--panel shows a single run"));
+        return Err(Failure::usage(
+            "--panel shows a single run; omit it, or run one scenario once",
+        ));
     }
     if arguments.options.link == LinkKind::InProcess {
         return Err(Failure::usage(
-            "--panel needs two processes: --link in-process has no records that others could see",
+            "--panel needs two processes: --link in-process has no records that others could read; omit --link in-process",
         ));
     }
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;

@@ -449,7 +449,7 @@ fn refuse_programs(study: &Study) -> Result<(), Failure> {
     match set.chain(varied).find(names) {
         None => Ok(()),
         Some(key) => Err(Failure::usage(format!(
-            "{key} in a study: all cases share the same programs; set them in the scenario, or with --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
+            "{key} cannot be set in a study, because all cases share the same programs; set it in the scenario, or with --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
         ))),
     }
 }

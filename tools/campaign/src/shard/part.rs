@@ -76,7 +76,7 @@ impl Part {
             PartError::Broken(what) if !folder.is_sealed() => {
                 let folder_text = folder.path().display();
                 PartError::Io(std::io::Error::other(format!(
-                    "{what}, or {folder_text}/{MANIFEST}, which has no checksum, is damaged; no result was changed"
+                    "{what}, or {folder_text}/{MANIFEST} is damaged, which has no checksum; no result was changed; restore the damaged file from a copy"
                 )))
             }
             error => error,

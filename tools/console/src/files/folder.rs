@@ -22,7 +22,9 @@ pub fn create(folder: &Path) -> Result<(), Failure> {
     refuse_odd(&std::path::absolute(folder).map_err(Failure::usage)?)?;
     let cannot = |error: std::io::Error| {
         let hint = match error.kind() {
-            ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "; a file is in the way",
+            ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
+                "; a file of that name is in the way"
+            }
             _ => "",
         };
         Failure::usage(format!(

@@ -103,13 +103,13 @@ pub struct InjectArguments {
     )]
     pub table: Option<PathBuf>,
 
-    /// Take hold at this simulated time [default without a trigger: at the next step]
+    /// Take effect at this simulated time [default without a trigger: at the next step]
     #[arg(long, value_name = "TIME", value_parser = seconds, group = "trigger", help_heading = "Trigger")]
     pub at: Option<f64>,
-    /// Take hold at this step
+    /// Take effect at this step
     #[arg(long, value_name = "STEP", group = "trigger", help_heading = "Trigger")]
     pub at_step: Option<u64>,
-    /// Take hold when an expression over signals holds
+    /// Take effect when an expression over signals holds
     #[arg(
         long,
         value_name = "EXPRESSION",
@@ -120,7 +120,7 @@ pub struct InjectArguments {
     /// Time that the condition must hold
     #[arg(long = "for", value_name = "TIME", value_parser = seconds, requires = "when", help_heading = "Trigger")]
     pub hold: Option<f64>,
-    /// Take hold after another fault has taken hold
+    /// Take effect after another fault has taken effect
     #[arg(
         long,
         value_name = "ID|NAME",

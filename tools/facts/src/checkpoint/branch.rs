@@ -48,7 +48,7 @@ pub(crate) fn check(
     };
     if then.derived != now.derived && now.faults.iter().any(conditions) {
         check.refuse(
-            "the derived signals must stay the same: conditions of faults were evaluated with them",
+            "the derived signals must stay the same, because conditions of faults were evaluated with them",
         );
     }
     if check.reasons.is_empty() {
@@ -81,19 +81,19 @@ impl Check<'_> {
         if then.rate != now.rate {
             let (then, now) = (then.rate.hz(), now.rate.hz());
             self.refuse(format!(
-                "run.rate_hz was {} and must stay, but is {}",
+                "run.rate_hz must stay {}, but is {}",
                 exact(then),
                 exact(now)
             ));
         } else if now.steps <= self.step.0 {
             let (end, begin) = (self.at(Step(now.steps)), self.at(self.step));
             self.refuse(format!(
-                "run.duration_s ends the run at {end}, but it begins at {begin}"
+                "run.duration_s ends the run at {end}, but the run begins at {begin}"
             ));
         }
         if then.seed != now.seed {
             let (then, now) = (then.seed, now.seed);
-            self.refuse(format!("run.seed was {then} and must stay, but is {now}"));
+            self.refuse(format!("run.seed must stay {then}, but is {now}"));
         }
         if now.clock == Clock::Realtime {
             self.refuse(
@@ -135,7 +135,7 @@ impl Check<'_> {
         if keys.is_empty() {
             for (table, then, now) in tables {
                 keys.extend(changed(then, now).map(|(name, then, now)| {
-                    format!("{table}.{name} was {then} and must stay, but is {now}")
+                    format!("{table}.{name} must stay {then}, but is {now}")
                 }));
             }
         }
@@ -185,7 +185,7 @@ impl Check<'_> {
         if then.len() != now.len() {
             let (then, now) = (then.len(), now.len());
             self.refuse(format!(
-                "there were {then} faults and now there are {now}; use `hil inject` to add one to the running session"
+                "there were {then} faults but now there are {now}; add a fault to the running session with `hil inject`"
             ));
             return;
         }
@@ -234,7 +234,7 @@ impl Check<'_> {
                 } else {
                     let at = self.at(Step(begun.step));
                     self.refuse(format!(
-                        "{name} has been active since {at}: it must keep its times and its profile, only its sizes may change"
+                        "{name} has been active since {at}: it must keep its times and its profile, and only its sizes may change"
                     ));
                 }
             }
@@ -253,7 +253,7 @@ impl Check<'_> {
             }
             Trigger::Condition(_) if then.trigger != now.trigger => {
                 self.refuse(format!(
-                    "{name} must keep its condition: another might have held before {}",
+                    "{name} must keep its condition, because another one might have held before {}",
                     self.at(self.step)
                 ));
                 return;

@@ -221,7 +221,7 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     } = checkpoint;
     if (schema, protocol) != (SCHEMA, PROTOCOL) {
         return Err(damaged(&format!(
-            "it has schema {schema} and protocol {protocol}, this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
+            "it has schema {schema} and protocol {protocol}, but this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
         )));
     }
     Ok(checkpoint)
@@ -246,7 +246,7 @@ fn same_binary(saved: &SavedSide, binary: &Binary) -> Result<(), Failure> {
     let (path, of) = (binary.path.display(), &saved.of);
     let (theirs, ours) = (&saved.binary_blake3, &binary.blake3);
     Err(Failure::usage(format!(
-        "{path} is not the binary that saved the state of `{of}` and may misread it: its hash is {ours}, that of the other {theirs}"
+        "{path} is not the binary that saved the state of `{of}` and may misread it: its hash is {ours}, but the other has {theirs}"
     )))
 }
 
@@ -261,7 +261,7 @@ fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
     }
     let expected = &saved.blake3;
     Err(Failure::usage(format!(
-        "{path_text} is damaged: its hash is {actual}, that of the saved state {expected}"
+        "{path_text} is damaged: its hash is {actual}, but the saved state has {expected}"
     )))
 }
 

@@ -322,7 +322,7 @@ impl Binary {
         let (path, by) = (self.path.display(), &self.by);
         match by {
             NamedBy::Nobody => {
-                format!("a {what} of your own is a program of its own; name it with {name}")
+                format!("a custom {what} needs its own program; name the program with {name}")
             }
             by => format!("these are the {what}s of {path} ({by})"),
         }
@@ -361,7 +361,7 @@ impl Binary {
             _ => return Ok(()),
         };
         Err(Failure::infrastructure(format!(
-            "{} was replaced or changed after it was checked, so it is not run; start again to use the file as it is now",
+            "{} was replaced or changed after the check, so it is not run; start again to use the new file",
             changed.display()
         )))
     }
@@ -381,7 +381,7 @@ impl Binary {
         if let (Some(_), Some(at)) = (&host, at) {
             let target = at.target();
             return Err(cannot(&format!(
-                "an FMU runs on this machine, not on {target}"
+                "an FMU can run only on this machine, not on {target}; omit --target, or name a controller program"
             )));
         }
         if let (None, Some(reason)) = (&host, choice.only_for_an_fmu(role)) {
@@ -397,7 +397,7 @@ impl Binary {
         if let Some(expected) = blake3.as_ref().filter(|expected| **expected != actual) {
             let (side, flag) = (role.side, role.flag);
             return Err(Failure::usage(format!(
-                "{path_text} is no longer the {side} program that was {by}: its hash is {actual}, that of the other {expected}; {flag} {path_text} runs it as it is"
+                "{path_text} is no longer the {side} program that was {by}: its hash is {actual}, but that program has {expected}; use {flag} {path_text} to run it as it is"
             )));
         }
         let answer = match at {
@@ -429,7 +429,7 @@ impl Binary {
         if description.protocol != PROTOCOL {
             let theirs = description.protocol;
             return Err(Failure::usage(format!(
-                "{path_text} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
+                "{path_text} speaks protocol {theirs}, but this hil speaks {PROTOCOL}; rebuild it"
             )));
         }
         description.check().map_err(|wrong| {

@@ -104,7 +104,7 @@ impl fmt::Display for Company {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "other programs kept {:.1} of {} cores busy meanwhile, so steps may have waited for them: stop them or move them to other cores (`ps -eo pcpu,pid,user,comm --sort=-pcpu | head`)",
+            "meanwhile other programs kept {:.1} of {} cores busy, so steps may have waited for them: stop them or move them to other cores (`ps -eo pcpu,pid,user,comm --sort=-pcpu | head`)",
             self.others_cores, self.cores
         )
     }

@@ -53,7 +53,7 @@ fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             0 => String::new(),
             lost => format!(" and {lost} were lost"),
         };
-        format!("the plant reports {steps} executed steps, which are {due}; {came} arrived{lost}")
+        format!("the plant reports {steps} executed steps, which require {due}, but {came} arrived{lost}")
     })
 }
 
@@ -91,14 +91,14 @@ fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             let first = first_step.map_or_else(|| "none".into(), |step| step.to_string());
             let steps = end.steps;
             return Some(format!(
-                "the plant reports that {count} {what}, at most {longest} in a row, the first at step {first}, of {steps} steps"
+                "the plant reports that {count} {what}, at most {longest} in a row, the first at step {first}, which is impossible in a run of {steps} steps"
             ));
         }
     }
     if plan.run.clock == Clock::Lockstep && end.overruns.count > 0 {
         let count = end.overruns.count;
         return Some(format!(
-            "the plant reports that {count} {overran}, but in lockstep steps are never due"
+            "the plant reports that {count} {overran}, which is impossible in lockstep, where steps have no due time"
         ));
     }
     let (actual, held) = (end.missed_commands.count, recorded.answers?.held);
@@ -110,7 +110,7 @@ fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     };
     (!is_sound).then(|| {
         format!(
-            "the plant reports that {actual} {missed}, but {held} records have an older command"
+            "the plant reports that {actual} {missed}, but {held} records contain an older command"
         )
     })
 }

@@ -192,7 +192,7 @@ impl FaultLog {
     fn never(&self, event: &FaultEvent) -> String {
         let is_cleared = |ended: &FaultEnded| ended.id == event.id && ended.cleared;
         if self.ended.iter().any(is_cleared) {
-            return "it was cleared before".into();
+            return "it was cleared earlier".into();
         }
         match &event.trigger {
             Trigger::Step { step, .. } => format!("the run ended before step {step}"),
@@ -209,7 +209,7 @@ impl FaultLog {
                     Some(_) => {
                         format!("the run ended within {delay_steps} steps after fault {event}")
                     }
-                    None => format!("fault {event}, which it follows, never took hold"),
+                    None => format!("fault {event}, which it follows, never took effect"),
                 }
             }
         }
@@ -242,8 +242,8 @@ impl Fault {
         // Writing to a string cannot fail.
         let _ = match (self.effective_step, &self.reason) {
             (Some(step), _) => write!(text, " at step {step}"),
-            (None, Some(reason)) => write!(text, " never took hold: {reason}"),
-            (None, None) => write!(text, " never took hold"),
+            (None, Some(reason)) => write!(text, " never took effect: {reason}"),
+            (None, None) => write!(text, " never took effect"),
         };
         if self.effective_step.is_none() {
             return text;
@@ -251,7 +251,7 @@ impl Fault {
         for effect in &self.effects {
             let _ = write!(text, ", {}", effect.target);
             let _ = match (effect.effective_step, effect.max_effect, &effect.unit) {
-                (None, ..) => write!(text, " never took hold"),
+                (None, ..) => write!(text, " never took effect"),
                 (_, Some(_), _) if effect.no_effect => write!(text, " NO EFFECT"),
                 (_, Some(size), Some(unit)) => write!(text, " {}", short_in(size, unit)),
                 _ => write!(text, " of unknown size"),

@@ -41,7 +41,7 @@ pub fn summarise(run: &BegunRun, reason: &str, end: End) -> Result<Option<Value>
     }
     let is_recorded = run.folder.join(RECORDING).exists();
     let hint = format!(
-        "; hil recover {} determines how far it got",
+        "; run `hil recover {}` to determine how far it got",
         run.folder.display()
     );
     let hint = if is_recorded { hint } else { String::new() };

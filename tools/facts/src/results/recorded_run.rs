@@ -121,7 +121,7 @@ impl RecordedRun {
         let (rate, others) = (self.plan.run.rate, other.run.rate);
         if rate != others {
             return Err(Failure::usage(format!(
-                "{path_text} is at {} and the run at {}: their steps differ in time",
+                "{path_text} runs at {} but the run at {}, so their steps differ in time",
                 exact_in(others.hz(), "Hz"),
                 exact_in(rate.hz(), "Hz")
             )));

@@ -70,7 +70,7 @@ impl Check {
         let is_known = self.is_made() && self.verdict != Verdict::Exact;
         is_known.then(|| {
             let text = &self.text;
-            format!("its state does not restore exactly: it {text}; a run from it may differ from the uninterrupted one")
+            format!("its state does not restore exactly: it {text}; a run that continues from it may differ from the uninterrupted run")
         })
     }
 

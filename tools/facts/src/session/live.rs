@@ -228,7 +228,7 @@ fn ended(session: &SessionInfo, error: &LiveError) -> Refusal {
         LiveError::Absent(_) => format!("session `{name}` has ended"),
         _ => format!("session `{name}` ended before it answered"),
     };
-    let expected = "a running session; one started with --pause-at TIME waits";
+    let expected = "a running session; start one with --pause-at TIME to have it wait";
     refusal("session", message, expected.into())
 }
 

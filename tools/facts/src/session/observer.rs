@@ -153,7 +153,7 @@ impl Observer {
             Ok(source) => observer.source = Some(source),
             Err(LinkError::Taken { .. }) => {
                 return Err(Failure::usage(format!(
-                    "session `{}` already has {WATCHERS} observers, the maximum",
+                    "session `{}` already has {WATCHERS} observers, which is the maximum; close one of them",
                     session.name
                 )));
             }

@@ -395,6 +395,6 @@ pub(super) fn check_period(model: &Model, period_s: f64, key: &str) -> Result<()
     }
     let rate_hz = 1.0 / own_s;
     Err(Invalid(format!(
-        "the FMU's fixed step of {own_s} s does not divide the {period_s} s between two samples; {key} must be {rate_hz} divided by an integer"
+        "the FMU's fixed step of {own_s} s does not divide the {period_s} s between two samples; set {key} to {rate_hz} divided by an integer"
     )))
 }

@@ -32,7 +32,7 @@ pub enum LibraryError {
     #[error("its library has no function `{0}`")]
     Missing(String),
     /// The versions of library and model description differ.
-    #[error("its library is of FMI {library}, its model description of {description}")]
+    #[error("its library uses FMI {library}, but its model description uses {description}")]
     Version {
         /// Version that the library reports.
         library: String,

@@ -65,7 +65,7 @@ pub enum FmuError {
     },
     /// Requires the user's permission.
     #[error(
-        "{reason}; `{key} = true` in the scenario runs it nevertheless, and --{} describes it",
+        "{reason}; set `{key} = true` in the scenario to run it nevertheless, or pass --{} to describe it",
         flag(key)
     )]
     Forbidden {

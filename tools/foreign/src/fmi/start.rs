@@ -162,7 +162,7 @@ fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Pr
             let value = value.or_else(|| variable.start.get(element).copied());
             let value = value.ok_or_else(|| {
                 Invalid(format!(
-                    "`initial.{name}` is missing: an array is set as a whole, and the FMU has no start value for it"
+                    "`initial.{name}` is missing: an array must be set as a whole, and the FMU has no start value for it"
                 ))
             })?;
             preset.push(place, element, &name, value);
@@ -258,7 +258,7 @@ fn unknown(key: &str, name: &str, known: &[&str]) -> Invalid {
         0 => "; none can be set".to_owned(),
         _ if !near.is_empty() => format!("; nearest: {}", listed(&near)),
         count if count <= MOST_LISTED => format!("; there are {}", listed(known)),
-        _ => "; `hil describe` lists them".to_owned(),
+        _ => "; list them with `hil describe`".to_owned(),
     };
     Invalid(format!(
         "`{key}.{name}` is not a variable of the FMU{advice}"

@@ -134,7 +134,7 @@ impl Tables {
         if let Some(place) = patterns.iter().zip(&matched).position(is_without) {
             let pattern = patterns[place].as_str();
             return Err(Invalid(format!(
-                "no inner signal of the FMU matches {pattern:?}; `hil describe` lists them"
+                "no inner signal of the FMU matches {pattern:?}; list them with `hil describe`"
             )));
         }
         tables.check_names(model)?;

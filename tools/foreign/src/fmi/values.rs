@@ -277,7 +277,7 @@ impl Values {
                     let (name, value) = (&self.names[place], row[place]);
                     let items = Variable::items_text(items);
                     return Err(Refused::Value(format!(
-                        "`{name}` is set to {value}, which is not an item of its enumeration; the items are {items}"
+                        "`{name}` is set to {value}, which is not an item of its enumeration; use one of {items}"
                     )));
                 }
                 if !group.buffer.set(index, row[place]) {

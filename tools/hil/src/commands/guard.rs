@@ -244,9 +244,11 @@ const fn cause(signal: c_int) -> &'static str {
             "shared memory became inaccessible: a file of the session in /dev/shm was truncated, or /dev/shm is full"
         }
         SIGSEGV | SIGABRT => {
-            "a plant or controller that writes over the memory that it shares with hil does this; look for a wild pointer in one that is not of safe Rust"
+            "a plant or controller can cause this by overwriting the memory that it shares with hil; look for a wild pointer in code that is not safe Rust"
         }
-        SIGKILL => "by a user, or by the kernel because memory ran out; see `sudo dmesg`",
-        _ => "by a user, or by a limit of the system",
+        SIGKILL => {
+            "it was killed by a user, or by the kernel because memory ran out; see `sudo dmesg`"
+        }
+        _ => "it was killed by a user, or by a limit of the system; see `ulimit -a`",
     }
 }

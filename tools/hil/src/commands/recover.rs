@@ -90,7 +90,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     if state != State::Whole {
         if outcome.messages == 0 {
             return Err(Failure::usage(format!(
-                "nothing can be recovered from {path_text}: it {}",
+                "nothing can be recovered from {path_text}: the recording {}",
                 match &outcome.damage {
                     Some(damage) => format!("has no record before the damage: {damage}"),
                     None => "breaks off before its first record".to_owned(),

@@ -126,7 +126,9 @@ impl Content {
                     let length = self.file.metadata()?.len();
                     let behind = length.saturating_sub(at + mcap::MAGIC.len() as u64);
                     if behind > 0 {
-                        return Err(damaged(format!("{behind} bytes follow its end")));
+                        return Err(damaged(format!(
+                            "{behind} bytes follow the end of the file's content"
+                        )));
                     }
                     self.end = Some(FileEnd::Whole);
                     continue;
@@ -171,7 +173,7 @@ impl Content {
                     continue;
                 }
                 Some(Err(McapError::BadMagic)) if at <= mcap::MAGIC.len() as u64 => {
-                    return Err(damaged("it does not begin like an MCAP file".into()));
+                    return Err(damaged("the file does not begin like an MCAP file".into()));
                 }
                 Some(Err(McapError::BadSummaryCrc { .. })) => return Err(wrong_sum(at)),
                 Some(Err(error)) => return Err(damaged(error.to_string())),
@@ -296,7 +298,7 @@ impl Content {
 }
 
 fn wrong_sum(at: u64) -> ContentError {
-    let what = "its checksum does not match, so bits have changed".into();
+    let what = "the checksum does not match, so bits have changed".into();
     ContentError::Damaged { at, what }
 }
 

@@ -30,7 +30,7 @@ impl RunReader {
         }
         let doubt = doubt.map_or_else(String::new, |description| format!(" ({description})"));
         Some(format!(
-            "{path} was cut off after {records} records{doubt}; `hil recover {path}` makes a complete file of it"
+            "{path} was cut off after {records} records{doubt}; complete it with `hil recover {path}`"
         ))
     }
 

@@ -196,14 +196,14 @@ impl Guard {
                 output.switch();
                 self.switches += 1;
                 format!(
-                    "no sample after step {after} for {periods} periods: its output is the safe command"
+                    "no sample after step {after} for {periods} periods, so its output is the safe command"
                 )
             }
             Action::Return(Gap { since_ns, after }) => {
                 output.put(step, row);
                 let for_s = monotonic_ns().saturating_sub(since_ns) as f64 / 1e9;
                 format!(
-                    "no sample after step {after} for {periods} periods: its output was the safe command for {for_s:.3} s, and is the controller's again from step {step}"
+                    "no sample after step {after} for {periods} periods, so its output was the safe command for {for_s:.3} s and is the controller's again from step {step}"
                 )
             }
         };

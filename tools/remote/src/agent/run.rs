@@ -123,7 +123,7 @@ impl<'a> Run<'a> {
                 self.look(now_ns).map_err(described)?;
                 if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
                     let limit_s = limit.ms() as f64 / 1e3;
-                    return Err(format!("nothing was heard of the desk for {limit_s} s"));
+                    return Err(format!("received nothing from the desk for {limit_s} s"));
                 }
                 if now_ns >= sign_ns {
                     sign_ns = now_ns + SIGN_NS.min(limit.ns() / 4);

@@ -127,7 +127,7 @@ fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
             if lost > 0 {
                 text.insert_str(
                     0,
-                    &format!("\n[{lost} bytes were written faster than they could be passed on]\n"),
+                    &format!("\n[{lost} bytes were dropped because they were written too fast]\n"),
                 );
             }
             if mouth.try_say(&ToDesk::Log { text }) {

@@ -150,7 +150,7 @@ impl Places<Greeting> {
     pub(super) fn greet(&mut self, of: (Source, Greeting), now: Instant) -> Option<Refused> {
         let is_known = |one: &Greeting| matches!(one.stage, Stage::AwaitsProof(_));
         let (source, _) = self.add(of, now, is_known)?;
-        let reason = "it sent nothing, and others took its slot";
+        let reason = "it sent nothing, and another contact took its slot";
         Some((source, io::Error::new(io::ErrorKind::ResourceBusy, reason)))
     }
 

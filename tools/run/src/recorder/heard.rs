@@ -57,7 +57,9 @@ impl Validator {
         };
         if step < next || step > next.saturating_add(missing) || step > last {
             return Err(if next > last {
-                format!("received a record of step {step} after the last one, that of step {last}")
+                format!(
+                    "received a record of step {step} after the last record, which is of step {last}"
+                )
             } else {
                 format!("received a record of step {step} instead of step {next}")
             });
@@ -93,7 +95,7 @@ impl Validator {
         let steps = plan.run.steps;
         if step > steps {
             return Err(format!(
-                "received an event of step {step} in a run of {steps} steps"
+                "received an event of step {step} in a run of only {steps} steps"
             ));
         }
         match event {
@@ -126,7 +128,7 @@ fn controller(plan: &Plan, change: &ControllerChange, before: usize) -> Result<(
     match &change.change {
         ControllerFate::Lost { policy, .. } if *policy != planned || planned == OnLoss::Abort => {
             Err(format!(
-                "the plant reports the loss of controller {epoch} with the policy `{}`, but that of the run is `{}`",
+                "the plant reports the loss of controller {epoch} with the policy `{}`, but the run has the policy `{}`",
                 policy.name(),
                 planned.name()
             ))

@@ -195,7 +195,7 @@ impl RecorderWork {
 
     pub(super) fn take(&mut self, item: Item<'_>) {
         if self.collector.recorded.end.is_some() {
-            return self.refuse("the record stream went on after the end of the run".into());
+            return self.refuse("the record stream continued after the end of the run".into());
         }
         match item {
             Item::Record(_) if self.heard.is_broken() => {}
@@ -321,7 +321,7 @@ impl RecorderWork {
             Err(error) => {
                 closed = closed.and(Err(error));
                 format!(
-                    "it has {count} records and no end: `hil recover {path}` completes it where there is disk space"
+                    "it has {count} records and no end; complete it with `hil recover {path}` where there is disk space"
                 )
             }
         };

@@ -130,7 +130,7 @@ impl Figures {
         }
         if let Some(torn) = reader.caveat() {
             return Err(Failure::usage(format!(
-                "{torn}, so it cannot be a baseline; `hil compare A B` compares the existing part"
+                "{torn}, so it cannot be a baseline; compare the existing part with `hil compare A B`"
             )));
         }
         let outcome = reader.result("outcome").and_then(Outcome::named);

@@ -135,7 +135,10 @@ impl BaselineFile {
         let document: DocumentMut = text.parse().map_err(|e| refused(&e))?;
         let content: Content = toml_edit::de::from_str(&text).map_err(|e| refused(&e))?;
         if content.schema != SCHEMA {
-            let what = format!("schema {} is not supported, only {SCHEMA}", content.schema);
+            let what = format!(
+                "schema {} is not supported; use schema {SCHEMA}",
+                content.schema
+            );
             return Err(refused(&what));
         }
         for (name, baseline) in &content.baselines {
@@ -183,7 +186,7 @@ impl BaselineFile {
             let near = near(name, self.content.baselines.keys().map(String::as_str));
             let path_text = self.path.display();
             Failure::usage(format!(
-                "{path_text} has no baseline `{name}`{near}; --update creates one"
+                "{path_text} has no baseline `{name}`{near}; create it with --update"
             ))
         })
     }

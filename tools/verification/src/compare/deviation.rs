@@ -162,7 +162,7 @@ pub(crate) fn write_table(
         let unit = unit_shown(&signal.unit);
         cells.push(match signal.incomparable_steps {
             0 => unit.to_owned(),
-            steps => format!("{unit}, not both numbers at {steps} steps"),
+            steps => format!("{unit}, not both finite at {steps} steps"),
         });
         table.cells(cells);
     }

@@ -184,7 +184,7 @@ impl Winder {
             && (self.places.held_steps.is_none() || self.places.answered.is_none())
         {
             return Err(TapeError::Lacking(
-                "the run was in real time, and its recording does not say which samples its controller saw".into(),
+                "the run was in real time, and its recording does not state which samples its controller saw".into(),
             ));
         }
         while reader.advance()? {
@@ -206,7 +206,7 @@ impl Winder {
         while reader.advance()? {}
         if reader.result("lost").is_some_and(|lost| lost != "0") {
             return Err(TapeError::Lacking(format!(
-                "{} records were lost at its end; a replay needs every sample",
+                "{} records were lost at its end, but a replay needs every sample",
                 reader.result("lost").unwrap_or_default()
             )));
         }
@@ -252,14 +252,14 @@ impl Winder {
         let (step, expected) = (words[0], self.next);
         if step != expected {
             return Err(TapeError::Lacking(format!(
-                "found record {step} in place of record {expected}; a replay needs every sample from step 0 on"
+                "found record {step} in place of record {expected}, but a replay needs every sample from step 0 on"
             )));
         }
         let word = |place: Option<usize>| place.map_or(0, |place| words[place]);
         let epoch = word(self.places.epoch);
         if epoch > 1 {
             return Err(TapeError::Lacking(format!(
-                "at step {step} another controller had taken over; a replay has only one"
+                "at step {step} another controller had taken over, but a replay has only one"
             )));
         }
         let mut head = Head {

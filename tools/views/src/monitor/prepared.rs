@@ -49,7 +49,7 @@ pub(crate) fn all(
     }
     if texts.len() > MOST {
         let message = format!(
-            "{} faults are prepared, but only {MOST} keys are available",
+            "{} faults are prepared, but there are only {MOST} keys; omit some",
             texts.len()
         );
         return Err(Refusal::new(message).into());

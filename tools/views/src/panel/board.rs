@@ -181,7 +181,7 @@ impl Board {
         // Pages must not read files of this machine.
         let mut split = shlex::split(words).unwrap_or_default().into_iter();
         if split.any(|word| word.starts_with("--tab")) {
-            return Err("--table reads a file; use `hil inject` for it".into());
+            return Err("--table reads a file, which the panel cannot; use `hil inject`".into());
         }
         let (possible, layout) = self.ask_possible().map_err(in_words)?;
         let plan = self.model.lock().plan().clone();

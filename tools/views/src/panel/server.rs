@@ -198,7 +198,8 @@ impl Shared {
             return;
         }
         let Some(_client) = Place::take(&self.clients, CLIENTS) else {
-            let reason = format!("{CLIENTS} pages are open, the maximum");
+            let reason =
+                format!("{CLIENTS} pages are already open, which is the maximum; close one");
             let _ = socket.send(message::over(&reason).into()); // the peer may be gone
             let _ = socket.close(None);
             return;

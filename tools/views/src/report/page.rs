@@ -77,7 +77,7 @@ fn toolbar(runs: &[Run]) -> Markup {
             a href="#provenance" { "Provenance" }
             span.gap {}
             span.jumps { @for span in jumps(runs) {
-                button type="button" data-jump=(span.from_s) title="Zoom in on where it took hold" {
+                button type="button" data-jump=(span.from_s) title="Zoom in on where it took effect" {
                     "fault " (span.event) " " (span.kind)
                 }
             } }

@@ -115,7 +115,7 @@ impl Choice {
         let (path_text, by) = (self.path.display(), &self.by);
         Failure::usage(match by {
             NamedBy::Nobody if !self.path.exists() => format!(
-                "no {} program is named, and there is none beside hil: {path_text} does not exist; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+                "no {} program is named, and there is none next to hil: {path_text} does not exist; build all programs with `cargo build --release` in the clone, or name one with {} PATH or {}",
                 role.side, role.flag, role.variable
             ),
             // The program is not the cause.
@@ -241,18 +241,18 @@ impl Recorded {
         if !self.is_own() {
             let origin = match &self.is_own {
                 Ok(_) => format!(
-                    "{run} was not recorded by this user here (host {:?})",
+                    "{run} was not recorded by this user on this machine (host {:?})",
                     self.host
                 ),
                 Err(why) => format!("cannot determine whether this user recorded {run} ({why})"),
             };
             return Err(Failure::usage(format!(
-                "{origin}, so the {side} program that it names, {path_text}, is not run; name a program with {flag} PATH"
+                "{origin}, so the {side} program named in it, {path_text}, is not run; choose a program with {flag} PATH"
             )));
         }
         let path = trusted::program(path).map_err(|why| {
             Failure::usage(format!(
-                "{run} was recorded with the {side} program {path_text}, which is not run: {why}; name a program with {flag} PATH"
+                "{run} was recorded with the {side} program {path_text}, which is not run: {why}; choose a program with {flag} PATH"
             ))
         })?;
         let [plant, controller] = &self.blake3;
@@ -277,7 +277,7 @@ pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Fa
         };
         if let Some(role) = [&PLANT, &CONTROLLER].iter().find(sets) {
             return Err(Failure::usage(format!(
-                "--set {key} has no effect, because the scenario names no program; {} PATH names the {} program",
+                "--set {key} has no effect, because the scenario names no program; use {} PATH to name the {} program",
                 flag(role),
                 role.side
             )));
@@ -421,7 +421,7 @@ fn by_scenario(
     let refused = |why: String| {
         let path = path.display();
         Failure::usage(format!(
-            "{path_text} names the {} program {path}, which is not run: {why}; name a program with {flag} PATH",
+            "{path_text} names the {} program {path}, which is not run: {why}; choose a program with {flag} PATH",
             role.side
         ))
     };

@@ -146,7 +146,7 @@ fn reported_late_commands_agree_with_the_records() {
             },
         });
     });
-    rejected(LOCKSTEP, "in lockstep steps are never due", |_, end| {
+    rejected(LOCKSTEP, "which is impossible in lockstep", |_, end| {
         end.overruns = streak(5..8)
     });
     let impossible: [fn(&mut Streaks); 5] = [

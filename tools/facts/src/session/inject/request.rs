@@ -210,9 +210,9 @@ impl<'a> FaultKind<'a> {
             let message = format!("`{kind}` does not act on `{other}`");
             let expected = match self.target {
                 TargetKey::Name(Some(only)) => {
-                    format!("`{only}`, or no target: it is the only one")
+                    format!("`{only}`, or no target, because it is the only one")
                 }
-                _ => "no target: it acts on the plant".into(),
+                _ => "no target, because it acts on the plant".into(),
             };
             refusals.push(refusal("target", message, expected));
             return Err(refusals);
@@ -233,7 +233,7 @@ impl<'a> FaultKind<'a> {
                 listed(&words)
             );
             let expected = if names.is_empty() {
-                "no further value".to_owned()
+                "no additional value".to_owned()
             } else {
                 format!("values for {}", listed(&names))
             };

@@ -67,7 +67,7 @@ pub(super) fn name_once(variables: &mut [Variable]) -> Result<(), DescriptionErr
             }
             (false, false) => {
                 return Err(DescriptionError::Content(format!(
-                    "variable {name:?} is there twice"
+                    "variable {name:?} is defined twice"
                 )));
             }
         };
@@ -91,7 +91,7 @@ pub(super) fn units(root: &Element, notes: &mut Vec<String>) -> Vec<Unit> {
         if let Err(error) = &base {
             let (name, reason) = (shortened(name), error.clone().reason());
             notes.push(format!(
-                "unit {name:?}: {reason}; nothing is converted by it"
+                "unit {name:?}: {reason}; it is not used for conversions"
             ));
         }
         units.push(Unit {
@@ -134,7 +134,7 @@ pub(super) fn unusable_unit(unit: &Unit) -> Option<String> {
     let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
     let name = shortened(&unit.name);
     (!is_usable).then(|| {
-        format!("unit {name:?} has the factor {factor} and the offset {offset}; nothing is converted by it")
+        format!("unit {name:?} has the factor {factor} and the offset {offset}; it is not used for conversions")
     })
 }
 

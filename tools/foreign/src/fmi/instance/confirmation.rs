@@ -63,7 +63,7 @@ impl Instance {
             let name = &column.field.name;
             if self.unconfirmed.0.contains(name) && self.unconfirmed.1.insert(name.clone()) {
                 program::say(&format!(
-                    "warning: parameter `{name}` was changed, and the change is not confirmed: the FMU does not let it be read"
+                    "warning: parameter `{name}` was changed, but the change is unconfirmed, because the FMU does not let it be read"
                 ));
             }
         }
@@ -99,7 +99,7 @@ impl Instance {
                     continue;
                 }
                 program::say(&format!(
-                    "warning: the initial value of `{name}` was set to {set}, and the FMU begins with {has}"
+                    "warning: the initial value of `{name}` was set to {set}, but the FMU begins with {has}"
                 ));
             }
         }
@@ -130,7 +130,7 @@ impl Instance {
                 for column in &columns {
                     let name = &column.field.name;
                     program::say(&format!(
-                        "fmu: parameter `{name}` is not confirmed: the FMU does not let it be read"
+                        "fmu: parameter `{name}` is unconfirmed, because the FMU does not let it be read"
                     ));
                     self.unconfirmed.0.insert(name.clone());
                 }
@@ -157,7 +157,7 @@ impl Instance {
                 let name = &column.field.name;
                 if is_start && column.field.default == Some(set) {
                     program::say(&format!(
-                        "warning: parameter `{name}` starts at {set} by the FMU's own description, and the FMU has {has}"
+                        "warning: parameter `{name}` starts at {set} according to the FMU's own description, but the FMU has {has}"
                     ));
                     continue;
                 }
@@ -173,7 +173,7 @@ impl Instance {
 }
 
 fn difference(name: &str, set: f64, has: f64) -> String {
-    format!("parameter `{name}` was set to {set}, and the FMU has {has}")
+    format!("parameter `{name}` was set to {set}, but the FMU has {has}")
 }
 
 /// Returns `true` if `has` is the value of a variable of this type after it was set to `set`.

@@ -24,7 +24,7 @@ pub(super) fn instantiate(
 ) -> Result<(Handle, Option<Box<CallbacksTwo>>), Invalid> {
     let text = |text: &str| {
         let result = CString::new(text);
-        result.map_err(|_| Invalid(format!("{text:?} has a zero in it")))
+        result.map_err(|_| Invalid(format!("{text:?} contains a zero byte")))
     };
     let described = &model.description;
     let (name, token) = (text(&described.name)?, text(&described.token)?);

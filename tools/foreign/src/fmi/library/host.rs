@@ -61,9 +61,7 @@ pub(super) fn load(path: &Path, needs_tool: bool) -> Result<Library, LibraryErro
             return Err(LibraryError::Load(failure(&error)));
         };
         let reason = reason(&error);
-        program::say(&format!(
-            "fmu: {reason}; a call of it would end this process"
-        ));
+        program::say(&format!("fmu: {reason}; calling it would end this process"));
         Ok(library)
     })
 }
@@ -147,7 +145,8 @@ fn failure(error: &libloading::Error) -> String {
             "; is the folder for temporary files mounted noexec? Set TMPDIR to another one",
         );
     } else {
-        reason.push_str("; `hil describe --load` lists all that it needs and lacks");
+        reason
+            .push_str("; run `hil describe --load` to list all dependencies and the missing ones");
     }
     reason
 }
