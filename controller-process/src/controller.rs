@@ -1,7 +1,7 @@
-//! `trait Controller`: the interface of a control law, and its view by the runner as rows of numbers.
+//! `trait Controller`: the interface of a control law, and the runner's view of it as rows of numbers.
 //!
-//! A law depends on its configuration and the sample, and nothing else: no clock, no file, no random number. This is
-//! why the same binary can answer a simulated plant today and a real one tomorrow.
+//! A law depends only on its configuration and the sample: no clock, no file, no random number. Therefore the same
+//! binary can answer a simulated plant today and a real one tomorrow.
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
 use shared_types::failure::Failure;
@@ -12,7 +12,7 @@ use shared_types::table::{self, Field, Table};
 ///
 /// 1. [`start`](Controller::start), once.
 /// 2. [`step`](Controller::step) with every sample, one period apart; preceded by the function of
-///    [`tuning`](Controller::tuning), if a parameter was changed.
+///    [`tuning`](Controller::tuning) if a parameter was changed.
 ///
 /// At a checkpoint the state defined by [`state`](Controller::state) is saved between two samples. A resumed run starts
 /// the law, restores the state and continues with 2.
@@ -23,11 +23,11 @@ pub trait Controller: Sized + 'static {
     const NAME: &'static str;
     /// One-sentence summary.
     const SUMMARY: &'static str;
-    /// Names of the plants that it is made for; empty means any.
+    /// Names of the plants that the law is made for; empty means any plant.
     const PLANTS: &'static [&'static str] = &[];
-    /// Parameters of the law, each with a default; mark those `tunable` that may change during a run.
+    /// Parameters of the law, each with a default; mark as `tunable` those that may change during a run.
     type Parameters: table::Parameters;
-    /// The law's model of the plant; [`Empty`](shared_types::table::Empty) if it has none.
+    /// The law's model of the plant; [`Empty`](shared_types::table::Empty) for a law without a model.
     type Model: table::Parameters;
     /// Measured signals that the law needs, bound by name and unit.
     type Measured: Table;
@@ -35,7 +35,7 @@ pub trait Controller: Sized + 'static {
     type Reference: Table;
     /// Commands that the law sends.
     type Command: Table;
-    /// Internal signals that the law exposes, recorded beside the commands.
+    /// Internal signals that the law exposes, recorded along with the commands.
     type Internals: Table;
 
     /// Returns the part of the law that a checkpoint keeps; `None` if a run of the law cannot be saved.
@@ -44,8 +44,8 @@ pub trait Controller: Sized + 'static {
         None
     }
 
-    /// Returns how the law applies new values of its `tunable` parameters during a run; `None` if none of them can be
-    /// changed.
+    /// Returns the way in which the law applies new values of its `tunable` parameters during a run; `None` if none of
+    /// them can be changed.
     #[must_use]
     fn tuning() -> Option<Tuning<Self>> {
         None
@@ -54,7 +54,7 @@ pub trait Controller: Sized + 'static {
     /// Creates the law before its first sample.
     ///
     /// # Errors
-    /// If the parameters, although each is in its range, are inconsistent.
+    /// If the parameters are inconsistent, although each is in its range.
     fn start(setup: &Setup<Self>) -> Result<Self, Invalid>;
 
     /// Returns the command that answers a sample.
@@ -63,9 +63,9 @@ pub trait Controller: Sized + 'static {
 
 /// Changes of a law's parameters during a run.
 pub struct Tuning<C: Controller> {
-    /// Sentence for users on the behaviour of the command at a change.
+    /// Sentence for users on the behaviour of the command when parameters change.
     pub does: &'static str,
-    /// Applies the values, before the [`step`](Controller::step) from which they count, without allocating.
+    /// Applies the values, before the [`step`](Controller::step) from which they are valid, without allocating.
     /// [`start`](Controller::start) has already validated the combination.
     pub take: fn(&mut C, &Setup<C>, Transition),
 }
@@ -75,7 +75,7 @@ pub struct Tuning<C: Controller> {
 pub enum Transition {
     /// At least one value jumps.
     Step,
-    /// All changing values are on a ramp, and still unchanged at its first sample.
+    /// All changing values are on a ramp, and still unchanged at the first sample of the ramp.
     Ramp,
 }
 
@@ -108,13 +108,13 @@ pub struct Sample<C: Controller> {
 
 /// Law of any type, as rows of numbers in the order of its tables.
 ///
-/// Every [`Controller`] implements it. A law whose tables are known only at run time implements it directly and becomes
-/// a [`LawKind`] by [`from_tables`](LawKind::from_tables).
+/// Every [`Controller`] implements this trait. A law whose tables are known only at run time implements the trait
+/// directly and becomes a [`LawKind`] by [`from_tables`](LawKind::from_tables).
 pub trait Law {
     /// Answers a sample: writes the command row and the row of internals.
     ///
     /// # Errors
-    /// The reason why the law cannot continue: the controller aborts at this step with it.
+    /// The reason why the law cannot continue: the controller aborts at this step with that reason.
     fn step(
         &mut self,
         sample: &Row<'_>,
@@ -122,24 +122,24 @@ pub trait Law {
         internals: &mut [f64],
     ) -> Result<(), Failure>;
 
-    /// Checks that the law began with the parameters that it was started with. Called on the law that runs, not on one
-    /// that is started to see whether later values of its parameters go together.
+    /// Checks that the law began with the parameters with which it was started. Called on the law that runs, not on a
+    /// law that is only started to check whether later values of its parameters are consistent.
     ///
     /// # Errors
-    /// If it began with others.
+    /// If the law began with other parameters.
     fn check_start(&self) -> Result<(), Invalid> {
         Ok(())
     }
 
-    /// Returns the names of parameters that cannot be read back, so that no change of them is confirmed.
+    /// Returns the names of parameters that cannot be read back, so that changes to them remain unconfirmed.
     fn unreadable(&self) -> Vec<String> {
         Vec::new()
     }
 
-    /// Returns the present state of the law.
+    /// Returns the current state of the law.
     ///
     /// # Errors
-    /// If it cannot be saved.
+    /// If the state cannot be saved.
     fn save(&self) -> Result<State, Invalid> {
         Err(cannot_save())
     }
@@ -147,13 +147,13 @@ pub trait Law {
     /// Restores a state.
     ///
     /// # Errors
-    /// If it is not a state of this law.
+    /// If the bytes are not a state of this law.
     fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
         Err(cannot_save())
     }
 
-    /// Applies new values of the parameters, before the step from which they count. Called only for a law with tunable
-    /// parameters.
+    /// Applies new values of the parameters, before the step from which they are valid. Called only for a law with
+    /// tunable parameters.
     fn retune(&mut self, _setup: &TunedRows<'_>, _transition: Transition) {}
 }
 
@@ -305,7 +305,7 @@ impl LawKind {
         }
     }
 
-    /// The entry of a law whose tables are known at run time.
+    /// Creates the entry of a law whose tables are known at run time.
     ///
     /// ```
     /// use controller_process::controller::{Law, LawKind, Row, SetupRows};

@@ -41,13 +41,13 @@ pub struct Job {
     /// `true` if the process will receive another job after this one.
     #[serde(default)]
     pub is_kept: bool,
-    /// `true` if the plant is started manually: the wait for it before the first sample is unlimited.
+    /// `true` if the plant is started manually: the wait for its first sample is unlimited.
     #[serde(default)]
     pub is_plant_by_hand: bool,
     /// Parameters after each change of the scenario, which the law validates at its start.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Settings>,
-    /// Checkpoints that the controller writes, and the one that it resumes from.
+    /// Checkpoints that the controller writes, and the one from which it resumes.
     #[serde(default)]
     pub checkpoints: Checkpoints,
     /// Real-time settings of the controller's loop.
@@ -56,11 +56,11 @@ pub struct Job {
     /// Time that the other side may take, in s.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
-    /// Longest time in s that the other side may take until the first step, if that is more than `wait_limit_s`: an FMU
-    /// may compute for long at its start.
+    /// Longest time in s that the other side may take until the first step, if longer than `wait_limit_s`: an FMU may
+    /// take long to start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_limit_s: Option<f64>,
-    /// True if the parameters are those of a change while the run goes on, which nobody starts with.
+    /// `true` if the parameters result from a change during the run, so that no process starts with them.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_tuned: bool,
 }

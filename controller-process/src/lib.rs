@@ -7,9 +7,9 @@
 //!    clock.
 //! 3. Command and internals go back in one frame.
 //!
-//! [`program`] is the process around it; a user's own controller binary is a `main` of one line that calls
-//! [`program::run`]. [`job`] is the description of the work. No plant's code is used here: a law refers to plant,
-//! signals and units by name, and has its own model of them.
+//! [`program`] is the surrounding process; a user's own controller binary is a `main` of one line that calls
+//! [`program::run`]. [`job`] describes the work. No plant's code is used here: a law refers to plant, signals and units
+//! by name, and has its own model of them.
 
 pub mod controller;
 pub mod job;

@@ -26,8 +26,8 @@ use crate::job::{JOB_FILE, Job};
 use crate::laws::hold;
 use crate::runner::{End, Progress, Runner, choose};
 
-/// Runs a controller process that offers these laws, according to its arguments. It offers [`hold`] too, which suits
-/// every plant, unless one of the laws has that name.
+/// Runs a controller process that offers these laws, according to its arguments. The process also offers [`hold`],
+/// which suits every plant, unless one of the laws has that name.
 ///
 /// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
@@ -36,7 +36,7 @@ pub fn run(program: &'static str, origin: impl Into<Origin>, laws: Vec<LawKind>)
 }
 
 /// Does the same as [`run`] with explicit arguments, the first being the program's own path, for a `main` that is not
-/// in Rust; returns the exit code.
+/// written in Rust; returns the exit code.
 #[must_use]
 pub fn answer(
     arguments: Vec<OsString>,
@@ -48,7 +48,7 @@ pub fn answer(
     program::with_stack(|| program::answer(&program, arguments))
 }
 
-/// Returns the program that [`run`] runs, for a `main` that adds to its description.
+/// Returns the program that [`run`] runs, for a `main` that extends its description.
 #[must_use]
 pub fn of(program: &str, origin: impl Into<Origin>, laws: Vec<LawKind>) -> impl Program + Sync {
     ControllerProgram {
@@ -150,7 +150,7 @@ impl Program for ControllerProgram {
     }
 }
 
-/// Polls a runner to its end; every wait is bounded.
+/// Polls a runner until its end; every wait is bounded.
 ///
 /// # Errors
 /// If the link failed.

@@ -1,8 +1,8 @@
 //! The runner: the controller's main loop.
 //!
-//! Joins a law with the controller's side of the lockstep protocol: it binds the law's signals to the sample's by
-//! name, converts those connected with another unit, runs the law at its own rate, delays its command by a step if
-//! requested, and answers every sample. Like the plant's engine it never blocks.
+//! Joins a law with the controller's side of the lockstep protocol: the runner binds the law's signals to those of the
+//! sample by name, converts signals with another unit, runs the law at its own rate, delays its command by a step if
+//! requested, and answers every sample. Like the plant's engine, it never blocks.
 
 use hil_session::clock::monotonic_ns;
 use hil_session::thread::ThreadSampler;
@@ -54,7 +54,7 @@ pub enum End {
 }
 
 impl End {
-    /// Returns `true` if the plant ended the run: it was complete, or left its range of validity.
+    /// Returns `true` if the plant ended the run, because the run was complete or left the range of validity.
     #[must_use]
     pub const fn is_of_plant(&self) -> bool {
         use AbortCode::{Diverged, NotANumber};
@@ -80,7 +80,7 @@ pub struct Runner<'a, L> {
     started: Option<Box<dyn Law>>,
     bound: Option<Bound>,
     saves: Saves,
-    /// State to resume from, if any.
+    /// State to resume from, if there is one.
     saved: Option<SavedController>,
     end: Option<End>,
 }
@@ -101,9 +101,9 @@ struct Bound {
     previous: Vec<f64>,
     /// Values of the frame to send.
     frame: Vec<f64>,
-    /// Step of the sample that each of them is based on; before the first sample one period earlier.
+    /// Step of the sample on which each command is based; before the first sample, one period earlier.
     made: Made,
-    /// Step until which the last frame is repeated, by a directive to be late.
+    /// Step until which the last frame is repeated, if a directive delays the answer.
     late_until: Option<Step>,
     /// Values of the frame to send at `late_until`.
     late: Vec<f64>,
@@ -114,7 +114,7 @@ struct Bound {
     tuning: Tuning,
     /// Sample that waits for a preceding message of the plant.
     waiting: Option<Header>,
-    /// Time of the last answer in ns; before the first answer, time at which this [`Bound`] was created.
+    /// Time of the last answer in ns; before the first answer, the creation time of this [`Bound`].
     sent_ns: u64,
 }
 
@@ -128,10 +128,10 @@ struct Made {
     late: i64,
 }
 
-/// Selects the law of this name that is made for this plant, or for any.
+/// Selects the law of this name that is made for this plant, or for any plant.
 ///
 /// # Errors
-/// If there is none.
+/// If there is no such law.
 pub fn choose<'a>(laws: &'a [LawKind], law: &str, plant: &str) -> Result<&'a LawKind, Invalid> {
     let is_it = |law_kind: &&LawKind| {
         let description = &law_kind.description;
@@ -219,7 +219,7 @@ impl<'a, L: Link> Runner<'a, L> {
         }
     }
 
-    /// Does all that is possible now.
+    /// Does everything that is possible now.
     ///
     /// # Errors
     /// If the link failed.
@@ -256,8 +256,8 @@ impl<'a, L: Link> Runner<'a, L> {
         })
     }
 
-    /// Processes the plant's parameter messages before a sample; returns `false` if the sample must wait for one that
-    /// has not arrived.
+    /// Processes the plant's parameter messages before a sample; returns `false` if the sample must wait for a message
+    /// that has not arrived.
     fn hear(&mut self, header: &Header) -> Result<bool, LinkError> {
         let Some(bound) = &mut self.bound else {
             return Ok(true);
@@ -352,14 +352,14 @@ impl<'a, L: Link> Runner<'a, L> {
         if welcome.rate != self.job.rate {
             let (theirs, ours) = (welcome.rate.hz(), self.job.rate.hz());
             return Err(format!(
-                "the plant runs at {theirs} Hz, this controller's job at {ours} Hz"
+                "the plant runs at {theirs} Hz, but this controller's job at {ours} Hz"
             ));
         }
         let (theirs, ours) = (welcome.first, self.job.checkpoints.first_step());
         // A controller that takes over begins at the current step of the run.
         if theirs != ours && self.job.epoch == 1 {
             return Err(format!(
-                "the plant begins at step {theirs}, this controller's job at step {ours}"
+                "the plant begins at step {theirs}, but this controller's job at step {ours}"
             ));
         }
         let law = &self.kind.description;
@@ -415,7 +415,7 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(bound)
     }
 
-    /// Processes a frame of the plant; returns `false` if it does not advance the run.
+    /// Processes a frame of the plant; returns `false` if the run does not advance.
     fn take(&mut self, header: &Header) -> Result<bool, LinkError> {
         let received_ns = monotonic_ns();
         let before = self.side.standing();
@@ -481,7 +481,7 @@ impl<'a, L: Link> Runner<'a, L> {
     }
 }
 
-/// Saves the state before a sample; called while the plant prepares it.
+/// Saves the state before a sample, while the plant prepares that sample.
 fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
     let saved = bound.save().map_err(|e| e.to_string())?;
     saves.write(step, &saved)

@@ -103,7 +103,7 @@ impl RunningAnalysis {
         })
     }
 
-    /// Processes the row of a step. Steps must rise.
+    /// Processes the row of a step. Steps must ascend.
     pub(crate) fn observe(&mut self, step: Step, rate: Rate, row: &[f64]) {
         match &mut self.work {
             AnalysisState::Step {

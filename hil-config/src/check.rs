@@ -65,9 +65,9 @@ pub struct RequestContext {
     pub rate: Rate,
     /// Number of steps of the whole run.
     pub steps: u64,
-    /// Names and numbers of the existing events, those of the scenario and live ones.
+    /// Names and numbers of the existing events: those of the scenario and live ones.
     pub names: Vec<(String, u32)>,
-    /// Number of the first new event; all lower ones are in use.
+    /// Number of the first new event; all lower numbers are in use.
     pub first_id: u32,
 }
 

@@ -1,7 +1,7 @@
-//! Conditions of faults, evaluated as records arrive: has an expression held for long enough?
+//! Conditions of faults, evaluated as records arrive: an expression must hold for long enough.
 //!
-//! Made by the plant from a [`Condition`] of a checked scenario and the columns of its records, then fed one record per
-//! step, in the loop: evaluation allocates nothing and depends only on the record.
+//! Created by the plant from a [`Condition`] of a checked scenario and the columns of its records, then fed one record
+//! at each step in the loop. Evaluation allocates nothing and depends only on the record.
 
 use shared_types::table::canonical;
 
@@ -14,19 +14,19 @@ pub struct Watch {
     expression: Program,
     /// Derived signals that the expression needs: column and program.
     derived: Vec<(usize, Program)>,
-    /// Record followed by the derived signals; empty if none is needed.
+    /// Record followed by the derived signals; empty if the expression needs none.
     row: Vec<f64>,
     /// Number of columns in a record.
     signals: usize,
-    /// Number of consecutive records for which it must hold.
+    /// Number of consecutive records for which the expression must hold.
     records: u64,
-    /// Number of consecutive records for which it has held.
+    /// Number of consecutive records for which the expression has held.
     held: u64,
 }
 
 impl Watch {
-    /// Creates a condition before the first record. `derived` are the scenario's derived signals by name and
-    /// expression, each using only signals and earlier ones; `columns` are those of a record.
+    /// Creates a condition before the first record. `derived` has the scenario's derived signals by name and
+    /// expression, each using only signals and earlier ones; `columns` are the columns of a record.
     ///
     /// # Errors
     /// If an expression is malformed or names an unknown signal.
@@ -85,13 +85,13 @@ impl Watch {
         self.held >= self.records
     }
 
-    /// Returns the number of consecutive records for which it has held.
+    /// Returns the number of consecutive records for which the expression has held.
     #[must_use]
     pub const fn held(&self) -> u64 {
         self.held
     }
 
-    /// Continues as if it had held for N records.
+    /// Continues as if the expression had held for N records.
     pub const fn go_on_from(&mut self, held: u64) {
         self.held = held;
     }

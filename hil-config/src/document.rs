@@ -83,7 +83,7 @@ impl Table {
         &self.entries
     }
 
-    /// Returns the entry of a key, creating it if needed.
+    /// Returns the entry of a key, which is created if needed.
     pub(crate) fn entry(&mut self, key: &str, new: impl FnOnce() -> Entry) -> &mut Entry {
         let place = match self.places.get(key) {
             Some(place) => *place,

@@ -55,13 +55,12 @@ pub struct MetricValue {
     pub window_s: [f64; 2],
     /// The value; NaN if it does not exist.
     pub value: f64,
-    /// Rows of the window that a reduction skipped because its value was missing there; the maximum over all its
-    /// reductions.
+    /// Rows of the window that a reduction skipped because its value was missing; the maximum over all its reductions.
     pub skipped: u64,
 }
 
 impl Evaluation {
-    /// Creates the evaluation before the first row; `columns` are those of the rows to come.
+    /// Creates the evaluation before the first row; `columns` are the columns of the rows to come.
     ///
     /// # Errors
     /// If an expression names a signal that no column has, or a requirement looks beyond the run.
@@ -98,8 +97,8 @@ impl Evaluation {
         })
     }
 
-    /// Processes the row of a step. Steps must rise. Signals at the indices `invalid`, which the record marks as such
-    /// ([`Validity`](shared_types::record::Validity)), count as missing, whatever value the row has there.
+    /// Processes the row of a step. Steps must ascend. Signals at the indices `invalid`, which the record marks as such
+    /// ([`Validity`](shared_types::record::Validity)), count as missing, whatever value the row contains.
     ///
     /// # Panics
     /// If the row does not have as many numbers as there are columns, or lacks such an index.

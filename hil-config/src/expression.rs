@@ -1,7 +1,7 @@
 //! Expressions over signals: one grammar for derived signals, metrics and fault conditions.
 //!
 //! Parsed by the check, which resolves every name; computed by an [`Evaluation`](crate::evaluation::Evaluation) or a
-//! [`Watch`](crate::condition::Watch) as records arrive. Evaluation never allocates and depends on nothing but a row of
+//! [`Watch`](crate::condition::Watch) as records arrive. Evaluation never allocates and depends only on a row of
 //! numbers.
 //!
 //! ```text
@@ -25,18 +25,19 @@
 //! `measured` and `reference` are the signals that the controller received; `sensed` and `stimulus` are the same
 //! signals before any fault. A `parameter` has its full name, as in `parameter.actuator1.bulk_modulus_pa`.
 //!
-//! Values of different known units can be neither added nor compared; a plain number is compatible with every unit, and
+//! Values of different known units can be neither added nor compared. A plain number is compatible with every unit, and
 //! so is a product or quotient of two quantities. A quantity times or divided by a plain number keeps its dimension. A
 //! number with a unit counts in coherent SI units: `5 cm` is 0.05 and is compatible with signals in m.
 //!
-//! A comparison is 1 if it holds and 0 otherwise; every number but 0 counts as true.
+//! A comparison is 1 if it holds and 0 otherwise; every number except 0 counts as true.
 //!
 //! **A missing value** is NaN, like the command in the final record, and so is the root of a negative number. Any
-//! result computed from it is missing too, including comparisons and `and`, `or`, `not`, `min`, `max`. A reduction
-//! skips rows where its expression is missing and counts them; over no row at all its own result is missing.
+//! result computed from a missing value is missing too, including comparisons and `and`, `or`, `not`, `min`, `max`. A
+//! reduction skips rows where its expression is missing and counts them; if it skips all rows, its own result is
+//! missing.
 //!
-//! **Reductions** ([`ReductionKind`]) turn the rows of a window into one number. A metric needs at least one and may
-//! compute with them, as in `max(x) - min(x)`; a derived signal has none.
+//! **Reductions** ([`ReductionKind`]) convert the rows of a window into one number. A metric needs at least one
+//! reduction and may compute with reductions, as in `max(x) - min(x)`; a derived signal has none.
 
 mod columns;
 pub(crate) mod cursor;
@@ -79,7 +80,7 @@ pub struct Expression {
 pub(crate) struct Name {
     path: String,
     span: Range<usize>,
-    /// `true` if the name stands inside a reduction.
+    /// `true` if the name is inside a reduction.
     reduced: bool,
 }
 
@@ -135,7 +136,7 @@ impl Expression {
     /// Parses an expression.
     ///
     /// # Errors
-    /// If it is malformed, reduces a reduction, or uses a signal beside reductions.
+    /// If the text is malformed, reduces a reduction, or mixes a reduction with a bare signal.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
         parser::parse(text)
     }
@@ -207,7 +208,7 @@ impl Expression {
         }
     }
 
-    /// Refuses reductions, which a derived signal cannot have.
+    /// Refuses an expression with reductions, because a derived signal must not have any.
     ///
     /// # Errors
     /// If the expression has a reduction.
@@ -216,12 +217,12 @@ impl Expression {
             None => Ok(()),
             Some(reduced) => Err(self.error(
                 reduced.span.clone(),
-                "a reduction needs a window and so belongs in [[metrics]]",
+                "a reduction needs a window, so it can be used only in [[metrics]]",
             )),
         }
     }
 
-    /// Refuses an expression without reductions, which a metric needs.
+    /// Refuses an expression without reductions, because a metric needs at least one.
     ///
     /// # Errors
     /// If the expression has no reduction.

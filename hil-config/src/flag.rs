@@ -1,8 +1,8 @@
 //! `--set KEY=VALUE`: one value of the scenario from the command line.
 //!
-//! A key is the path of a value, `faults[0].effects[1].speed_per_s`; missing tables are created, list entries must
-//! exist. A value is TOML; anything that is not valid TOML is text, so that `controller.law=pid` needs no quotes. The
-//! value remembers that it came from the flag.
+//! A key is the path of a value, such as `faults[0].effects[1].speed_per_s`; missing tables are created, but list
+//! entries must exist. A value is TOML; anything that is not valid TOML is text, so that `controller.law=pid` needs no
+//! quotes. The value remembers that it came from the flag.
 
 use std::ops::Range;
 
@@ -20,7 +20,7 @@ pub(crate) struct FlagError {
     pub earlier: Option<usize>,
 }
 
-/// Maximum number of parts of a key: no value lies so deep, and nested values are processed recursively.
+/// Maximum number of parts of a key: no value is nested more deeply, and nested values are processed recursively.
 const MOST_PARTS: usize = 32;
 
 /// Part of a key.
@@ -161,7 +161,8 @@ fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Resul
     put_below(&mut entry.node, name, rest, value, source)
 }
 
-/// Splits off the first key of a path: as many parts as a key of the table has, which may be quoted and have dots, else one.
+/// Splits off the first key of a path: as many parts as a key of the table has (a key may be quoted and contain dots),
+/// otherwise one part.
 fn first_key<'a>(table: &Table, parts: &'a [Placed]) -> (String, Range<usize>, &'a [Placed]) {
     let names: Vec<&str> = (parts.iter())
         .map_while(|(part, _)| match part {

@@ -1,7 +1,7 @@
 //! Formulas of requirements: comparisons of expressions, joined by logical and temporal operators.
 //!
 //! Parsed by the check; [`Monitors`](crate::monitor::Monitors) evaluate them as records arrive. Nothing is computed
-//! here. `docs/requirements.md` has the same for users, with examples.
+//! here. `docs/requirements.md` explains the same for users, with examples.
 //!
 //! ```text
 //! formula     = disjunction [ "implies" formula ]
@@ -17,7 +17,7 @@
 //! time        = number [ unit of time ]
 //! ```
 //!
-//! A `sum` is that of [expressions](crate::expression), without reductions.
+//! A `sum` is the sum of [expressions](crate::expression), without reductions.
 //!
 //! **Semantics** (Maler and Nickovic 2004, in discrete time). A formula is true or false at each step `k`; a
 //! requirement is evaluated at step 0.
@@ -44,7 +44,7 @@
 //! so no window is ever truncated there.
 //!
 //! **Missing values** (NaN) count against the requirement: `not` is first pushed down to the comparisons (`not x < 1`
-//! becomes `x >= 1`), and a comparison with a missing value then fails by minus infinity. A missing value can make no
+//! becomes `x >= 1`), and a comparison with a missing value then fails by minus infinity. A missing value cannot make a
 //! formula hold.
 
 mod parser;
@@ -60,7 +60,7 @@ pub(crate) use parser::is_operator;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Formula {
     text: String,
-    /// Nodes, operands before the operators that use them; the last is the whole formula.
+    /// Nodes, operands before the operators that use them; the last node is the whole formula.
     nodes: Vec<Node>,
 }
 
@@ -106,7 +106,7 @@ pub struct Compared<'a> {
     /// First and last time in s at which the comparison may apply.
     pub window_s: [f64; 2],
     /// `true` if the robustness of the formula falls as that of the comparison rises, as under `not`; `None` if the
-    /// robustness may do both, as under `rise`.
+    /// robustness may do either, as under `rise`.
     pub is_turned: Option<bool>,
 }
 
@@ -191,7 +191,7 @@ impl Relation {
         }
     }
 
-    /// Returns the relation of all pairs of numbers that do not have this one.
+    /// Returns the relation that holds for exactly those pairs of numbers for which this one does not.
     pub(crate) const fn negated(self) -> Self {
         match self {
             Self::Less => Self::GreaterOrEqual,
@@ -214,7 +214,7 @@ impl Formula {
     /// Parses a formula.
     ///
     /// # Errors
-    /// If it is malformed, or bounds are out of order.
+    /// If the text is malformed, or bounds are out of order.
     pub fn parse(text: &str) -> Result<Self, ExpressionError> {
         parser::parse(text)
     }
@@ -246,7 +246,7 @@ impl Formula {
         }
     }
 
-    /// Returns the unit that all its comparisons have in common among these columns, if there is one.
+    /// Returns the unit common to all comparisons among these columns, if there is one.
     ///
     /// # Errors
     /// The first sum or comparison of values of different known units.

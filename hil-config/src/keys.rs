@@ -1,7 +1,7 @@
 //! Every key of a scenario: type, unit, range, default and meaning, defined once.
 //!
 //! The reader, the JSON schema and `show` are driven by these tables, so that they cannot disagree. Parameters of
-//! plants and laws are not here: they come from the binaries' descriptions.
+//! plants and laws are not here: they come from the descriptions of the binaries.
 
 mod changes;
 mod faults;
@@ -73,7 +73,7 @@ pub(crate) enum KeyKind {
     },
     /// Text.
     Text {
-        /// Valid texts; empty means any.
+        /// Valid texts; empty means any text.
         choices: &'static [&'static str],
         /// Default value.
         default: Option<&'static str>,
@@ -249,7 +249,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "faults",
         KeyKind::List(FAULT),
-        "Fault events. All effects of an event take hold at the same step.",
+        "Fault events. All effects of an event take effect at the same step.",
     ),
     Key::new(
         "changes",

@@ -1,12 +1,12 @@
 //! Scenarios: from text to validated values that plant and controller can use directly.
 //!
-//! Used by the launcher, which knows plants and laws only by their binaries' descriptions ([`shared_types::describe`]),
-//! and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing, and reads no file but
-//! scenarios, studies and the CSV files of points and faults that scenarios name.
+//! Used by the launcher, which knows plants and laws only by the descriptions of their binaries
+//! ([`shared_types::describe`]), and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing,
+//! and reads only scenarios, studies and the CSV files of points and faults that scenarios name.
 //!
 //! 1. [`Scenario::read`](scenario::Scenario::read): parses the text into a tree whose values remember their places;
 //!    [`set`](scenario::Scenario::set) applies `--set` values to it.
-//! 2. [`Scenario::check`](scenario::Scenario::check): turns the tree into a [`Plan`](plan::Plan), or reports all
+//! 2. [`Scenario::check`](scenario::Scenario::check): converts the tree into a [`Plan`](plan::Plan), or reports all
 //!    [`Problems`](problem::Problems) at once, each with its place (`source`: line and column) and the expected value.
 //! 3. [`show`](show::show) writes a plan as a complete scenario, [`schema`](schema::schema) the format for editors.
 //! 4. [`RequestContext`](live_requests::RequestContext) checks faults and changes requested during a run, by the same
@@ -14,7 +14,7 @@
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics as records arrive, from
 //!    its [expressions](expression), and evaluates its [requirements] by [`Monitors`](monitor::Monitors) of all
 //!    [`Formula`](formula::Formula)s.
-//! 6. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of very many runs.
+//! 6. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of many runs.
 
 mod analysis;
 mod check;

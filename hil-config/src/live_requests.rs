@@ -1,8 +1,8 @@
 //! Faults and changes of values requested during a run: from text to checked events.
 //!
-//! Used by the plant's service for requests from a command line or a panel. Faults are the `[[faults]]` of a scenario
-//! and changes its `[[changes]]`, checked by the same code, in `check`; a problem becomes a refusal here. Reads no
-//! file: requests contain tables of points inline.
+//! Used by the plant's service for requests from a command line or a panel. Faults have the form of a scenario's
+//! `[[faults]]` and changes that of its `[[changes]]`, and both are checked by the same code, in `check`; a problem
+//! becomes a refusal here. Reads no file: requests contain tables of points inline.
 
 use shared_types::live::Refusal;
 

@@ -6,13 +6,14 @@
 //! allocates nothing; memory is fixed on creation. Past rows are never revisited.
 //!
 //! 1. [`build`](Monitors::new) pushes every `not` down to the comparisons, converts bounds into steps, and computes,
-//!    for each part of a formula, the steps whose margin is needed and the number of steps after which it is known.
-//!    Parts that are known at different times are joined through delays. Equal comparisons of all formulas become one
-//!    part, equal expressions one side.
+//!    for each part of a formula, the steps whose margin is needed and the number of steps after which the margin is
+//!    known. Parts that are known at different times are joined through delays. Equal comparisons of all formulas
+//!    become one part, and equal expressions one side.
 //! 2. At each row only the sides and parts that are due compute one value or margin each, operands first; the lists of
-//!    due parts change at few rows. A window with a single needed result keeps one number, others keep their steps.
-//! 3. As soon as no later row can change it the [`Verdict`] is certain; after the last step that the formula depends
-//!    on, the robustness is known and nothing is computed any more.
+//!    due parts change at few rows. A window with a single needed result keeps one number, and other windows keep their
+//!    steps.
+//! 3. The [`Verdict`] is certain as soon as no later row can change it. After the last step on which the formula
+//!    depends, the robustness is known and nothing more is computed.
 
 mod build;
 mod context;
@@ -84,7 +85,7 @@ pub struct Monitors {
 struct ComparedSide {
     /// Value in the current row.
     value: f64,
-    /// `None` for a constant.
+    /// Program of the expression; `None` for a constant.
     program: Option<Program>,
 }
 
@@ -202,7 +203,7 @@ impl Monitors {
         }
     }
 
-    /// Returns the judgement of each formula, in their order.
+    /// Returns the judgement of each formula, in the order of the formulas.
     #[must_use]
     pub fn judgements(&self) -> &[Judgement] {
         &self.judgements
@@ -252,8 +253,8 @@ impl Judgement {
         }
     }
 
-    /// Returns the robustness, once all rows that the formula depends on have arrived; infinite if it depends on a
-    /// missing value. Its sign bit is the verdict.
+    /// Returns the robustness, once all rows on which the formula depends have arrived; infinite if the formula depends
+    /// on a missing value. The sign bit is the verdict.
     #[must_use]
     pub const fn robustness(&self) -> Option<f64> {
         match self.judged {

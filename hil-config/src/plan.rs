@@ -1,7 +1,7 @@
 //! The plan: a fully checked scenario, in values that the processes can use directly.
 //!
 //! Produced by [`Scenario::check`](crate::scenario::Scenario::check); used by the launcher and, in parts, by the plant.
-//! Nothing here can be out of range, unknown or unbound any more.
+//! No value in a plan is out of range, unknown or unbound.
 
 mod analysis;
 mod change;
@@ -63,7 +63,7 @@ pub struct Plan {
     pub faults: Vec<FaultEvent>,
     /// Changes of values in file order.
     pub changes: Vec<Change>,
-    /// Derived signals, each using only signals and earlier ones.
+    /// Derived signals, each using only signals and earlier derived signals.
     pub derived: Vec<Derived>,
     /// Metrics.
     pub metrics: Vec<Metric>,
@@ -73,14 +73,14 @@ pub struct Plan {
     pub requirements: Vec<Requirement>,
     /// First plots of a report.
     pub plots: Vec<Plot>,
-    /// Contents of the panel beside the plots.
+    /// Contents of the panel in addition to the plots.
     pub panel: Panel,
     /// Programs named by the scenario.
     pub programs: Programs,
 }
 
 impl Plan {
-    /// Returns `true` if the run follows a clock, or requests real-time settings: its latency is then more than the
+    /// Returns `true` if the run follows a clock or requests real-time settings: its latency then means more than the
     /// speed at which it happened to run.
     #[must_use]
     pub fn asks_for_timing(&self) -> bool {
@@ -88,7 +88,7 @@ impl Plan {
     }
 }
 
-/// Programs that a scenario names, by absolute path; a side without one uses the program beside `hil`.
+/// Programs that a scenario names, by absolute path; a side without such a program uses the one next to `hil`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Programs {
     /// Program of the plant.
@@ -147,7 +147,7 @@ impl Permissions {
 pub enum ControllerProgram {
     /// The same file on every machine.
     One(PathBuf),
-    /// A file per machine type, as printed by `uname -m`.
+    /// One file for each machine type, as printed by `uname -m`.
     ByMachine(BTreeMap<String, PathBuf>),
 }
 
@@ -186,14 +186,14 @@ pub struct Run {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Clock {
-    /// The previous step's command: as fast as both sides can.
+    /// The previous step's command: steps as fast as both sides can.
     Lockstep,
     /// The previous step's command and the monotonic clock, `factor` times as fast as real time.
     Paced {
         /// Returns the simulated seconds per wall-clock second.
         factor: f64,
     },
-    /// The monotonic clock alone: a command that misses its deadline is replaced by the newest available.
+    /// The monotonic clock alone: a command that misses its deadline is replaced by the latest available command.
     Realtime,
 }
 
@@ -212,11 +212,11 @@ impl Clock {
 /// Real-time settings of plant, controller and recorder. The existence of the cores is not checked before a run starts.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Realtime {
-    /// Only core that the plant's loop may run on.
+    /// Only core on which the plant's loop may run.
     pub plant_core: Option<u32>,
-    /// Only core that the controller's loop may run on.
+    /// Only core on which the controller's loop may run.
     pub controller_core: Option<u32>,
-    /// Only core that the recorder may run on.
+    /// Only core on which the recorder may run.
     pub recorder_core: Option<u32>,
     /// `SCHED_FIFO` priority of both loops; 0 for ordinary scheduling.
     pub priority: u32,
@@ -266,7 +266,7 @@ pub struct PlantPlan {
     pub parameters: Settings,
     /// Limits on truth signals that replace the model's own.
     pub limits: Vec<Limit>,
-    /// Every command, as applied under the policy `safe-command`.
+    /// Value of every command, as applied under the policy `safe-command`.
     #[serde(default)]
     pub safe_command: Settings,
 }
@@ -289,8 +289,8 @@ pub struct Limit {
 pub struct ControllerPlan {
     /// Name of the law.
     pub law: String,
-    /// Plant that the law is made for, which selects among laws of the same name: that of the plan, unless the scenario
-    /// names another.
+    /// Plant that the law is made for, which selects among laws of the same name: the plant of the plan, unless the
+    /// scenario names another.
     pub made_for: String,
     /// Signals of the law bound to other names and units.
     pub connections: Vec<Connection>,
@@ -310,9 +310,9 @@ pub struct ControllerPlan {
 pub struct Derived {
     /// Name.
     pub name: String,
-    /// Unit: as given, or else that of the expression, or of the name's suffix, or `1`.
+    /// Unit: as given, or else the unit of the expression, or of the name's suffix, or `1`.
     pub unit: String,
-    /// Value from signals and earlier derived ones.
+    /// Value computed from signals and earlier derived signals.
     pub expression: Expression,
 }
 
@@ -321,7 +321,7 @@ pub struct Derived {
 pub struct Metric {
     /// Name.
     pub name: String,
-    /// Unit: as given, or else that of the expression, or of the name's suffix, or `1`.
+    /// Unit: as given, or else the unit of the expression, or of the name's suffix, or `1`.
     pub unit: String,
     /// Reductions and the computation on their results.
     pub expression: Expression,
@@ -333,10 +333,10 @@ pub struct Metric {
     pub published_note: Option<String>,
 }
 
-/// Value of a metric published by others, shown beside the run's own.
+/// Value of a metric published by others, shown next to the run's own value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Published {
-    /// Law that it was obtained with.
+    /// Law with which the value was obtained.
     pub law: String,
     /// Window in s.
     pub window_s: [f64; 2],

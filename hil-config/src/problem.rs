@@ -1,7 +1,7 @@
 //! Problems of a scenario: each mistake, its place and its remedy.
 //!
 //! Collected while a scenario is read and checked; the launcher shows them to a person ([`Problems`]' `Display`) or a
-//! machine (the list, which serialises). Checking never stops at the first problem.
+//! machine (the list, which serialises). A check never stops at the first problem.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use crate::source::SourceLine;
 
 /// Prefix of a source name that denotes a flag instead of a file.
 pub(crate) const FLAG: &str = "--set ";
-/// Maximum number of problems reported: a file of another kind may have a million, each with its line.
+/// Maximum number of problems reported: a wrong kind of file may have a million problems, each with its line.
 pub(crate) const MOST_PROBLEMS: usize = 100;
 /// Maximum number of alternatives listed.
 const MOST_LISTED: usize = 100;
@@ -22,7 +22,7 @@ const MOST_LISTED: usize = 100;
 pub enum ProblemKind {
     /// A file cannot be read.
     Unreadable,
-    /// The text is not TOML, not a table of points or not a `--set KEY=VALUE`.
+    /// The text is not TOML, not a table of points, or not a `--set KEY=VALUE`.
     Syntax,
     /// An unknown key.
     UnknownKey,
@@ -61,7 +61,7 @@ pub struct Problem {
     pub help: Option<String>,
     /// File or `--set` flag that contains the problem.
     pub source: String,
-    /// Line; `None` if there is no text.
+    /// Line of the problem; `None` if there is no text.
     pub excerpt: Option<SourceLine>,
 }
 
@@ -153,7 +153,7 @@ impl fmt::Display for Problem {
     }
 }
 
-/// Text for display: nothing from a file may control the terminal.
+/// Text for display: no text from a file may control the terminal.
 struct Printable<'a>(&'a str);
 
 impl fmt::Display for Printable<'_> {
@@ -181,7 +181,7 @@ impl fmt::Display for Problems {
     }
 }
 
-/// Formats names as text: `` `a`, `b` ``, or `none`; of very many only the first.
+/// Formats names as text: `` `a`, `b` ``, or `none`; shows only the first of very many.
 pub(crate) fn listed<'a>(names: impl IntoIterator<Item = &'a str>) -> String {
     let mut names = names.into_iter();
     let quoted = |name| format!("`{name}`");

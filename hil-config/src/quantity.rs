@@ -1,7 +1,7 @@
 //! Number in a scenario: name, unit, range, default; and formatting of numbers.
 //!
-//! Common form of the scenario's own keys and of the parameters, sizes and speeds that plants and laws describe, so
-//! that all of them are checked and explained alike.
+//! Common form of the scenario's own keys and of the parameters, magnitudes and speeds that plants and laws describe,
+//! so that all of them are checked and explained alike.
 
 use shared_types::number::{exact as number, unit_shown};
 use shared_types::table::Field;
@@ -79,8 +79,8 @@ impl<'a> Quantity<'a> {
     }
 }
 
-/// Returns `true` if a column counts steps or bits, so that only whole numbers are meaningful, according to its unit or
-/// the suffix of its name.
+/// Returns `true` if a column counts steps or bits, according to its unit or the suffix of its name, so that only whole
+/// numbers are meaningful.
 fn counts(field: &Field) -> bool {
     const COUNTED: [&str; 2] = ["steps", "bits"];
     let last = field.name.rsplit(['_', '.']).next();

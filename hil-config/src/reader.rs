@@ -1,7 +1,7 @@
 //! Reader of a scenario's tree according to the tables of [`keys`](crate::keys): types, ranges and unknown keys.
 //!
-//! Used by every part of the [`check`](crate::check). A faulty value is reported and read as `None`, so that everything
-//! else is still checked.
+//! Used by every part of the [`check`](crate::check). A faulty value is reported and read as `None`, so that the rest
+//! of the scenario is still checked.
 
 mod values;
 
@@ -13,7 +13,7 @@ use crate::problem::{MOST_PROBLEMS, Problem, ProblemKind, Problems, listed};
 use crate::quantity::Quantity;
 use crate::source::{Place, Sources};
 
-/// Maximum length of a message, in characters: a name in it may be as long as the file.
+/// Maximum length of a message, in characters: a name in a message may be as long as the file.
 const LONGEST_MESSAGE: usize = 1000;
 
 /// Collects problems while a scenario is read.
@@ -41,7 +41,7 @@ pub(crate) struct Section<'a> {
 }
 
 impl<'a> Section<'a> {
-    /// Returns the full name of one of its keys, for example `faults[0].at_s`.
+    /// Returns the full name of one of the section's keys, for example `faults[0].at_s`.
     pub(crate) fn path_of(&self, key: &str) -> String {
         if self.path.is_empty() {
             key.into()
@@ -74,7 +74,7 @@ impl<'a> Section<'a> {
 }
 
 impl Reader {
-    /// Creates a reader of these sources, with any problems found already.
+    /// Creates a reader of these sources, with the problems found so far.
     pub(crate) const fn new(sources: Sources, problems: Vec<Problem>) -> Self {
         Self {
             sources,
@@ -83,8 +83,8 @@ impl Reader {
         }
     }
 
-    /// Returns the result, or all problems if there are any, in the order of the text, other sources after the
-    /// scenario.
+    /// Returns the result, or all problems if there are any: in the order of the text, and those of other sources after
+    /// the scenario.
     pub(crate) fn finish<T>(self, read: Option<T>) -> Result<T, Problems> {
         let Self {
             sources,
@@ -156,12 +156,12 @@ impl Reader {
         &mut self.problems[last]
     }
 
-    /// Reports every key of a section that is neither its own nor among the further ones.
+    /// Reports every key of a section that is neither its own nor among the additional ones.
     pub(crate) fn refuse_unknown(&mut self, section: &Section<'_>, further: &[&str]) {
         self.refuse_misplaced(section, further, &[], "");
     }
 
-    /// Reports unknown keys, and for some of them the table that they belong to.
+    /// Reports unknown keys, and for some of them the table to which they belong.
     pub(crate) fn refuse_misplaced(
         &mut self,
         section: &Section<'_>,
@@ -205,7 +205,7 @@ impl Reader {
         .one_of(&entry.key, names.iter().copied())
     }
 
-    /// Returns the value of a key; a missing required one is reported.
+    /// Returns the value of a key, and reports a required key that is missing.
     fn value<'a>(&mut self, section: &Section<'a>, key: &Key) -> Option<&'a Node> {
         let entry = section.table.get(key.name);
         if entry.is_none() && key.required {

@@ -1,6 +1,6 @@
 //! All requirements of a run, evaluated as records arrive.
 //!
-//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A missing record counts as a row of missing values, on
+//! Part of an [`Evaluation`](crate::evaluation::Evaluation). A missing record counts as a row of missing values, for
 //! which no comparison holds.
 
 use serde::Serialize;
@@ -40,8 +40,8 @@ pub struct RequirementValue {
     pub formula: String,
     /// Verdict on the requirement.
     pub verdict: Verdict,
-    /// Margin in `unit`; its sign bit is the verdict. `None` if the run ended before all the steps that the formula
-    /// depends on; infinite if it depends on a missing value.
+    /// Margin in `unit`; its sign bit is the verdict. `None` if the run ended before all steps on which the formula
+    /// depends; infinite if the formula depends on a missing value.
     pub robustness: Option<f64>,
     /// Unit of the robustness.
     pub unit: String,
@@ -71,7 +71,7 @@ impl Requirements {
         })
     }
 
-    /// Processes the row of a step. Steps must rise.
+    /// Processes the row of a step. Steps must ascend.
     pub(crate) fn observe(&mut self, step: Step, row: &[f64]) {
         while self.next < step.0 && self.next <= self.steps {
             self.monitors.observe(Step(self.next), &self.missing);
@@ -81,7 +81,7 @@ impl Requirements {
         self.next = step.0.saturating_add(1);
     }
 
-    /// Returns bounds on the final robustness of each.
+    /// Returns bounds on the final robustness of each requirement.
     pub(crate) fn bounds(&self) -> Vec<[f64; 2]> {
         self.monitors.bounds()
     }

@@ -1,7 +1,7 @@
 //! Scenario as written: a file, with `--set` values applied.
 //!
-//! The launcher reads one, applies its flags and has it [checked](Scenario::check) against the plants and laws that the
-//! binaries describe. Nothing in here has been validated.
+//! The launcher reads a scenario, applies the flags and has the scenario [checked](Scenario::check) against the plants
+//! and laws that the binaries describe. Nothing in a `Scenario` has been validated.
 
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub struct Scenario {
     pub(crate) path: PathBuf,
     pub(crate) sources: Sources,
     pub(crate) table: Table,
-    /// Problems of flags, kept until the check so that all are reported at once.
+    /// Problems of flags, kept until the check, which reports all problems at once.
     pub(crate) problems: Vec<Problem>,
     pub(crate) advice: Advice,
 }
@@ -43,8 +43,8 @@ impl Scenario {
         Self::parse(&text, path)
     }
 
-    /// Parses the text of a scenario. `origin` is its file, which need not exist: it is named in messages, gives the
-    /// scenario its name, and its folder is searched for tables of points.
+    /// Parses the text of a scenario. `origin` is its file, which need not exist: messages name the file, the scenario
+    /// takes its name from it, and tables of points are read from its folder.
     ///
     /// # Errors
     /// If the text is not TOML.
@@ -91,7 +91,7 @@ impl Scenario {
         self.sources.whole(Sources::SCENARIO)
     }
 
-    /// Lists the tables of points that it names, with their keys.
+    /// Lists the tables of points that the scenario names, with their keys.
     #[must_use]
     pub fn files(&self) -> Vec<(String, String)> {
         let mut list = Vec::new();
@@ -99,8 +99,8 @@ impl Scenario {
         list
     }
 
-    /// Applies `KEY=VALUE` flags in order; none may replace the value of an earlier one. Flags that cannot be applied
-    /// are reported by the [check](Self::check), with all other problems.
+    /// Applies `KEY=VALUE` flags in order; no flag may replace the value of an earlier one. Flags that cannot be
+    /// applied are reported by the [check](Self::check), together with all other problems.
     #[must_use]
     pub fn set<S: AsRef<str>>(mut self, flags: &[S]) -> Self {
         for text in flags {
@@ -148,7 +148,7 @@ pub(crate) fn unreadable(what: &str, path: &Path, error: &std::io::Error) -> Pro
     }])
 }
 
-/// Advises on a missing file that a scenario or study names.
+/// Returns advice on a missing file that a scenario or study names.
 pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> String {
     let absolute = |path: &Path| {
         let path = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
@@ -160,7 +160,7 @@ pub(crate) fn advice_on_missing(folder: &Path, name: &str, owner: &str) -> Strin
     }
     let folder = absolute(&Path::new(".").join(folder));
     format!(
-        "paths in a {owner} are relative to the folder of the {owner}, {folder}, so this one is {path}"
+        "paths in a {owner} are relative to the folder of the {owner}, {folder}, so this path means {path}"
     )
 }
 
@@ -194,7 +194,7 @@ fn files_in(value: &Value, path: &str, list: &mut Vec<(String, String)>) {
 /// large.
 ///
 /// # Errors
-/// If it cannot be read, is not a regular text file, or is too large.
+/// If the file cannot be read, is not a regular text file, or is too large.
 pub fn read_regular(path: &Path) -> std::io::Result<String> {
     const LARGEST: u64 = 16 << 20;
     const BYTE_ORDER_MARK: char = '\u{feff}';

@@ -189,7 +189,7 @@ fn field(field: &Field) -> Value {
     value
 }
 
-/// Returns the schema of a table of parameters: groups as tables, and every last part alone.
+/// Returns the schema of a table of parameters: groups as tables, and every last part of a name alone.
 fn described(fields: &[&Field]) -> Value {
     let mut root = json!({"type": "object", "properties": {}, "additionalProperties": false});
     let names = (fields.iter()).flat_map(|one| one.names().map(move |name| (*one, name)));
@@ -213,7 +213,7 @@ fn described(fields: &[&Field]) -> Value {
     root
 }
 
-/// Adds a field; if two share a key, the range becomes the union of both.
+/// Adds a field; if two fields share a key, the range becomes the union of both.
 fn offer(slot: &mut Value, one: &Field) {
     let new = field(one);
     if slot.is_null() {
@@ -262,7 +262,7 @@ fn stimulus() -> Value {
     )
 }
 
-/// Returns the schema of a metric: the common keys, and those of each kind. Without a kind it is an expression.
+/// Returns the schema of a metric: the common keys, and those of each kind. A metric without a kind is an expression.
 fn metric() -> Value {
     let kinds = METRICS.iter();
     let mut metric = of_kinds(
@@ -279,7 +279,7 @@ fn metric() -> Value {
     metric
 }
 
-/// Returns the schema of a table whose keys depend on its `kind`: name, text and keys of each.
+/// Returns the schema of a table whose keys depend on its `kind`: name, text and keys of each kind.
 fn of_kinds<'a>(
     common: &[Key],
     kinds: impl Iterator<Item = (&'a str, &'a str, &'a [Key])>,
@@ -312,7 +312,7 @@ fn choices<'a>(names_given: impl Iterator<Item = &'a str>) -> Value {
     json!({"enum": names})
 }
 
-/// Merges the entries of one object into another, overriding its own.
+/// Merges the entries of one object into another, overriding existing entries.
 fn merge(into: &mut Value, from: Value) {
     if let (Value::Object(into), Value::Object(from)) = (into, from) {
         into.extend(from);

@@ -1,7 +1,7 @@
-//! Formats a plan as a complete scenario: every effective value, with unit and range beside it.
+//! Formats a plan as a complete scenario: every effective value, with unit and range in a comment.
 //!
-//! Implements `hil config show` and writes the `scenario.toml` of every run. The text can be run, and checks to the
-//! original plan. Needs the descriptions that the plan was checked against. Keys follow the order of the tables in
+//! Implements `hil config show` and writes the `scenario.toml` of every run. The text can be run, and its check yields
+//! the original plan. Needs the descriptions against which the plan was checked. Keys follow the order of the tables in
 //! `keys`; a key that is not handled here fails at once.
 
 mod analyses;
@@ -31,14 +31,14 @@ use crate::quantity::{Quantity, toml_float};
 /// Plan that cannot be shown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ShowError {
-    /// The plan refers to something without a description.
-    #[error("there is no description of {0}; provide those that the plan was checked against")]
+    /// The plan refers to a plant, law or kind of fault without a description.
+    #[error("{0} has no description; provide the descriptions against which the plan was checked")]
     Undescribed(String),
     /// A scenario cannot express an immediate change.
     #[error("change {0} is immediate; give it the step at which it took place")]
     NowChange(u32),
     /// A scenario cannot express an immediate fault.
-    #[error("fault {0} takes hold at once; give it the step at which it did so")]
+    #[error("fault {0} takes effect at once; give it the step at which it did")]
     Now(u32),
 }
 
@@ -74,7 +74,7 @@ pub fn show(
 /// Formats one event as `[[faults]]` of a scenario. An event that it waits for is named by number.
 ///
 /// # Errors
-/// If its kind is not described, or if it takes effect [at once](crate::plan::Trigger::Now).
+/// If its kind is not described, or if the event takes effect [at once](crate::plan::Trigger::Now).
 pub fn fault_toml(
     event: &FaultEvent,
     plant: &PlantDescription,
@@ -184,7 +184,7 @@ fn section(text: &mut String, keys: &[Key], value: impl Fn(&str) -> Option<Strin
     Ok(())
 }
 
-/// Panics at a key that this module does not handle: the first scenario shown reveals it.
+/// Panics at a key that this module does not handle: the first scenario shown reveals the omission.
 fn forgotten(key: &str) -> ! {
     unreachable!("the value of the key `{key}` is not known here")
 }
@@ -409,8 +409,8 @@ fn metric(text: &mut String, metric: &Metric) -> Written {
     })
 }
 
-/// Formats the values of a waveform or profile as `key = value`, its kind first. Table points are included, so that the
-/// text does not depend on another file.
+/// Formats the values of a waveform or profile as `key = value`, beginning with its kind. Table points are included, so
+/// that the text does not depend on another file.
 fn entries(course: &impl Serialize) -> Vec<String> {
     // Plain numbers and words always serialise.
     let value = serde_json::to_value(course).unwrap_or_default();

@@ -1,13 +1,13 @@
 //! Source texts of a scenario, and places in them.
 //!
 //! Used by everything that reports a problem: the scenario file, every `--set` value and every table of points is a
-//! source, and each value remembers the place it came from. Never interprets a text.
+//! source, and each value remembers its place in a source. Texts are never interpreted here.
 
 use std::ops::Range;
 
 use serde::Serialize;
 
-/// Longest line that is shown in full, in bytes.
+/// Maximum length of a line shown in full, in bytes.
 const LONGEST_LINE: usize = 400;
 
 /// Range of bytes in one of the [`Sources`].
@@ -60,8 +60,8 @@ impl Sources {
 
     /// Returns the place of a part of a string value, `part` in bytes of the value.
     ///
-    /// The value must stand in the text literally. If it has escapes, its bytes cannot be mapped by counting, and the
-    /// place of the whole value is returned.
+    /// The value must stand in the text literally. If it contains escapes, its bytes cannot be mapped by counting, and
+    /// the place of the whole value is returned.
     pub(crate) fn inside(&self, place: &Place, value: &str, part: Range<usize>) -> Place {
         match self.text(place).find(value) {
             Some(offset) if !value.is_empty() => {
@@ -124,7 +124,7 @@ pub struct SourceLine {
     pub column: usize,
     /// Number of characters to mark, at least 1.
     pub width: usize,
-    /// Line; of a very long one, the part around the mark.
+    /// Line; for a very long line, the part around the mark.
     pub text: String,
     /// Column of the first character of `text`: 1, unless the line is very long.
     pub text_column: usize,

@@ -2,7 +2,7 @@
 //!
 //! Read by `hil campaign`, which draws the values of each case and applies them to the scenario like `--set`. Draws
 //! nothing itself, and is independent of plants and laws: values are validated when the scenario of a case is checked,
-//! and [`Study::at_home`] maps the problems back to their places here.
+//! and [`Study::at_home`] maps the problems back to their places in the study.
 
 mod read;
 
@@ -23,7 +23,7 @@ pub const MOST_SOBOL: usize = 64;
 pub struct Study {
     /// Name, which becomes part of folder names.
     pub name: String,
-    /// Question that it answers; may be empty.
+    /// Question that the study answers; may be empty.
     pub description: String,
     /// Scenario, relative to the working directory.
     pub scenario: PathBuf,
@@ -41,7 +41,7 @@ pub struct Study {
     pub case_limit_s: f64,
     /// Time in s that a side of a case may take to answer.
     pub wait_limit_s: f64,
-    /// `true` to start the campaign's own programs anew for each case.
+    /// `true` to restart the campaign's own programs for each case.
     pub fresh_processes: bool,
     /// Varied values; each depends only on earlier ones.
     pub varied: Vec<Varied>,
@@ -93,14 +93,15 @@ pub struct Varied {
     pub key: Option<String>,
     /// Distribution or set of its values.
     pub spread: Spread,
-    /// `true` if it takes whole numbers only: uniform ones with equal probability, others rounded to the nearest.
+    /// `true` if only whole numbers are drawn: equally likely ones for uniform values, otherwise rounded to the
+    /// nearest.
     pub is_whole: bool,
 }
 
 /// Distribution or set of a varied value.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Spread {
-    /// Any value between two.
+    /// Any value between two limits.
     Uniform {
         /// Smallest.
         min: f64,
@@ -127,7 +128,7 @@ pub enum Spread {
     },
     /// Choice among these values.
     Choice(Vec<Item>),
-    /// Computed from values that are varied before it.
+    /// Computed from values that are varied earlier.
     Expression(Expression),
 }
 
@@ -147,7 +148,7 @@ pub enum Item {
 pub struct Variant {
     /// Name.
     pub name: String,
-    /// Flags `KEY=VALUE` that define it.
+    /// Flags `KEY=VALUE` that define the version.
     pub set: Vec<String>,
 }
 
@@ -165,11 +166,11 @@ pub struct Correlation {
 pub struct Goal {
     /// Requirement of the scenario; `None` means that the case passes.
     pub requirement: Option<String>,
-    /// Variant; `None` means each of them.
+    /// Variant; `None` means every variant.
     pub variant: Option<String>,
     /// Minimum probability.
     pub probability: f64,
-    /// Confidence with which it must be shown.
+    /// Confidence with which the goal must be shown.
     pub confidence: f64,
 }
 
@@ -205,7 +206,7 @@ impl Study {
     /// Reads the scenario.
     ///
     /// # Errors
-    /// If it cannot be read or is not TOML; a missing file is reported at its place in the study.
+    /// If the scenario cannot be read or is not TOML; a missing file is reported at its place in the study.
     pub fn read_scenario(&self) -> Result<Scenario, Problems> {
         if self.scenario.exists() {
             return Scenario::read(&self.scenario);
@@ -246,7 +247,7 @@ impl Study {
             .iter()
             .any(|one| one.key.as_deref() == Some(key));
         if is_varied && problem.kind == ProblemKind::WrongType && value.parse::<f64>().is_ok() {
-            help += "; `whole = true` in its [[vary]] gives whole numbers, a list those that are written in it";
+            help += "; set `whole = true` in its [[vary]] to draw whole numbers, or use a list of whole numbers";
         }
         Problem {
             source: self.sources.name(place.source).into(),
@@ -260,7 +261,7 @@ impl Study {
         }
     }
 
-    /// Creates a problem for the key of a variation, or for `goals[0]` and the like, on behalf of a later check.
+    /// Creates a problem for the key of a variation, or for a key such as `goals[0]`, on behalf of a later check.
     #[must_use]
     pub fn problem_of(&self, key: &str, message: &str, help: &str) -> Problem {
         let start = Place {

@@ -1,8 +1,8 @@
 //! State of the plant's process in a checkpoint: the model, its instruments and faults, and the last record.
 //!
-//! The engine saves it before a step, when everything about the previous steps has been published, and starts from it
-//! in a resumed run. All other data follows from the job and the step: the reference signals, and every row that a step
-//! writes before reading it.
+//! The engine saves this state before a step, when everything about the previous steps has been published, and starts
+//! from it in a resumed run. All other data follows from the job and the step: the reference signals, and every row
+//! that a step writes before reading it.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -16,11 +16,11 @@ use crate::tuning::SavedTuning;
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SavedPlant {
     pub(crate) model: State,
-    /// Of each stage of the sensors, then of the actuators.
+    /// State of each stage of the sensors, then of the actuators.
     pub(crate) instruments: Vec<State>,
     pub(crate) faults: SavedFaults,
     pub(crate) tuning: SavedTuning,
-    /// Words of the previous step's record, on which conditions are evaluated.
+    /// Words of the previous step's record, for evaluating conditions.
     pub(crate) record: Vec<u64>,
 }
 

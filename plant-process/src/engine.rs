@@ -1,8 +1,8 @@
 //! The engine: the plant's main loop.
 //!
-//! Joins a model, its stimuli and faults with the plant's side of the lockstep protocol. It never blocks:
-//! [`Engine::poll`] does all that is possible now and returns what it waits for, so that one driver can wait in a
-//! separate process and another can run both sides in one thread.
+//! Joins a model, its stimuli and faults with the plant's side of the lockstep protocol. The engine never blocks:
+//! [`Engine::poll`] does everything that is possible now and returns the awaited event, so that one driver can wait in
+//! a separate process and another can run both sides in one thread.
 
 use std::sync::Arc;
 
@@ -46,7 +46,7 @@ pub enum Progress {
     Busy,
     /// Awaiting the controller's next message or frame.
     Controller,
-    /// As [`Controller`](Self::Controller), but only until this time of the monotonic clock, in ns.
+    /// Like [`Controller`](Self::Controller), but only until this time of the monotonic clock, in ns.
     ControllerUntil(u64),
     /// Awaiting this time of the monotonic clock, in ns.
     Until(u64),
@@ -68,10 +68,10 @@ pub struct Engine<L, S> {
     pacer: Option<Pacer>,
     queue: Arc<RequestQueue>,
     held: Option<Held>,
-    /// Number of marks set.
+    /// Number of marks set so far.
     marks: usize,
     rows: Rows,
-    /// Step count of a finished run whose final record is still to be written.
+    /// Number of steps of a finished run whose final record is still to be written.
     ending: Option<Step>,
     timing: Timing,
     sampler: ThreadSampler,
@@ -82,7 +82,7 @@ pub struct Engine<L, S> {
     first: Step,
     executed: u64,
     saves: Saves,
-    /// State to resume from, until hello.
+    /// State to resume from, kept until hello.
     saved: Option<SavedPlant>,
     end: Option<RunEnd>,
 }
@@ -100,7 +100,7 @@ struct Plant {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Creates a plant at its first step, awaiting hello, with its available fault kinds.
+    /// Creates a plant at its first step, before hello, with its available fault kinds.
     ///
     /// # Errors
     /// If the job or the state to resume from does not match the plant.
@@ -136,7 +136,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let (first, name) = (checkpoints.first_step(), description.name.clone());
         if job.run.clock == Clock::Realtime && checkpoints.any() {
             return Err(Invalid(
-                "in real time the state depends on late messages: it can be neither saved nor resumed from".into(),
+                "in real time the state depends on late messages, so it can be neither saved nor resumed".into(),
             ));
         }
         let saved: Option<SavedPlant> = match &checkpoints.resume {
@@ -196,7 +196,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         })
     }
 
-    /// Does all that is possible now. The whole run consists of repeated calls.
+    /// Does everything that is possible now. The whole run consists of repeated calls.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -286,7 +286,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     }
 
     /// Publishes the previous step's record, then changes of values, then the faults that began or ended at this step.
-    /// Returns `false` if the recorder has no room for all of it now.
+    /// Returns `false` if the recorder lacks room for all of these items now.
     fn tell(&mut self) -> Result<bool, LinkError> {
         if !self.publisher.publish(&self.rows.record)? {
             return Ok(false);

@@ -1,7 +1,7 @@
 //! The validity guard: ends a run at the step at which the plant leaves the range of validity of its equations, and
 //! names the signal.
 //!
-//! Called by the engine with every row that enters or leaves the plant. It never corrects a value.
+//! Called by the engine with every row that enters or leaves the plant. The guard never corrects a value.
 
 use std::fmt;
 
@@ -10,7 +10,7 @@ use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::number::{exact, exact_in};
 use shared_types::table::Field;
 
-/// Ranges of the signals of a row, in their order.
+/// Ranges of the signals of a row, in the order of the row.
 #[derive(Debug)]
 pub struct Guard {
     fields: Vec<Field>,
@@ -26,7 +26,7 @@ pub(crate) struct Guards {
 }
 
 impl Guards {
-    /// Creates the guards of a plant, with other limits for its truth if given.
+    /// Creates the guards of a plant. `limits`, if there are any, replace those of its truth.
     pub(crate) fn new(plant: &PlantDescription, limits: &[Limit]) -> Result<Self, Invalid> {
         Ok(Self {
             measured: Guard::new(&plant.measured, &[])?,
@@ -36,7 +36,7 @@ impl Guards {
     }
 }
 
-/// Signal outside its range, or not a finite number.
+/// Signal that is outside its range, or is not a finite number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OutOfRange {
     /// The signal.
@@ -96,7 +96,7 @@ impl Guard {
     /// Checks a row: finite and inside the limits.
     ///
     /// # Errors
-    /// The first signal that violates them.
+    /// The first signal that violates the limits.
     #[inline]
     pub fn check(&self, row: &[f64]) -> Result<(), OutOfRange> {
         // All of them, without a branch: called at every step, and hardly ever violated.

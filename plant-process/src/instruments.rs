@@ -1,8 +1,7 @@
 //! Instruments: sensors between the model and its faults, actuators between the command and the model.
 //!
-//! Called by the engine at every step. An instrument is a chain of the stages that [faults](crate::faults)
-//! use, at full size from the first step on. A run without instruments has empty lists, and does
-//! nothing here.
+//! Called by the engine at every step. An instrument is a chain of the same stages as [faults](crate::faults), at full
+//! size from the first step on. A run without instruments has empty lists, and does nothing here.
 
 use hil_config::plan::{Instrument, Stage};
 use shared_types::describe::{Invalid, PlantDescription};
@@ -24,7 +23,7 @@ pub(crate) struct Instruments {
     rate: Rate,
     sensors: Vec<Chain>,
     actuators: Vec<Chain>,
-    /// Room for the row that the stages of one kind of instrument begin with.
+    /// Buffer for the row at the input of all stages of one kind of instrument.
     row: Vec<f64>,
 }
 
@@ -41,7 +40,7 @@ impl Instruments {
     /// Starts the instruments of a job, whose plant has these signals.
     ///
     /// # Errors
-    /// If one names a signal that there is not, or its keys do not go together.
+    /// If an instrument names an unknown signal, or its keys are inconsistent.
     pub(crate) fn new(plant: &PlantDescription, job: &Job) -> Result<Self, Invalid> {
         let (rate, seed) = (job.run.rate, job.run.seed);
         let kinds = kinds::all();
@@ -79,10 +78,10 @@ impl Instruments {
         })
     }
 
-    /// Turns the model's readings into what is sensed.
+    /// Converts the model's readings into sensed values.
     ///
     /// # Errors
-    /// If a value is no finite number any more.
+    /// If a value is no longer finite.
     #[inline]
     pub(crate) fn sense(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
         if self.sensors.is_empty() {
@@ -96,10 +95,10 @@ impl Instruments {
         )
     }
 
-    /// Turns the received commands into what is applied.
+    /// Converts the received commands into applied commands.
     ///
     /// # Errors
-    /// If a value is no finite number any more.
+    /// If a value is no longer finite.
     #[inline]
     pub(crate) fn actuate(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
         if self.actuators.is_empty() {
@@ -116,24 +115,24 @@ impl Instruments {
     /// Returns the state of all stages, in the order of the chains.
     ///
     /// # Errors
-    /// If one cannot be saved.
+    /// If the state of a stage cannot be saved.
     pub(crate) fn save(&self) -> Result<Vec<State>, Invalid> {
         let chains = self.sensors.iter().chain(&self.actuators);
         let stages = chains.flat_map(|chain| &chain.stages);
         stages.map(|stage| stage.save()).collect()
     }
 
-    /// Puts a state back.
+    /// Restores a saved state.
     ///
     /// # Errors
-    /// If it is not one of these instruments.
+    /// If the state does not belong to these instruments.
     pub(crate) fn restore(&mut self, saved: &[State]) -> Result<(), Invalid> {
         let chains = self.sensors.iter_mut().chain(&mut self.actuators);
         let stages: Vec<_> = chains.flat_map(|chain| &mut chain.stages).collect();
         if stages.len() != saved.len() {
             let (theirs, ours) = (saved.len(), stages.len());
             return Err(Invalid(format!(
-                "{theirs} stages of instruments were saved, and there are {ours} here"
+                "the state contains {theirs} stages of instruments, but this run has {ours}"
             )));
         }
         let mut pairs = stages.into_iter().zip(saved);
@@ -141,7 +140,7 @@ impl Instruments {
     }
 }
 
-/// Starts a stage of an instrument; its random numbers have a path of their own.
+/// Starts a stage of an instrument, with a random stream of its own.
 fn started(
     kinds: &[FaultKindEntry],
     stage: &Stage,
@@ -171,7 +170,7 @@ fn moment(step: Step, rate: Rate) -> Moment {
     }
 }
 
-/// Passes each signal that has a chain through it; `before` is room for the row as it was.
+/// Passes each signal that has a chain through that chain; `before` is a buffer for the original row.
 fn apply(
     chains: &mut [Chain],
     at: &Moment,
@@ -190,7 +189,7 @@ fn apply(
         }
         if !reading.value.is_finite() {
             return Err(format!(
-                "{} is {} behind its instrument",
+                "{} is {} after its instrument",
                 chain.signal, reading.value
             ));
         }

@@ -1,7 +1,7 @@
 //! Fixed-step integration: the classical Runge-Kutta method of order 4.
 //!
-//! Called by models inside [`Plant::advance`](crate::plant::Plant::advance). It never chooses a step size, estimates no
-//! error and never allocates, so that a run takes the same path on every machine.
+//! Called by models inside [`Plant::advance`](crate::plant::Plant::advance). The integrator never chooses a step size,
+//! estimates no error and never allocates, so that a run takes the same path on every machine.
 
 use std::ops::{Add, Mul};
 
@@ -9,7 +9,7 @@ use shared_types::time::Interval;
 
 /// Integrates `dx/dt = rates(t, x)` over an interval in its equal substeps.
 ///
-/// Most models need nothing else:
+/// Most models need only this function:
 ///
 /// ```
 /// use plant_process::integrate::integrate;
@@ -43,7 +43,7 @@ pub fn integrate<const N: usize>(
 /// `inputs` are the quantities that depend on time alone, at the beginning, middle and end of the step: the method
 /// needs no other times, and a costly input is evaluated once although the method uses it twice.
 ///
-/// A component of the state is a number, or several of them side by side.
+/// A component of the state is a number or an array of numbers.
 #[inline(always)]
 pub fn rk4_step<const N: usize, Component, Input>(
     state: &mut [Component; N],

@@ -54,20 +54,20 @@ pub struct Job {
     /// `true` if the controller is started manually: the wait for its hello is unlimited.
     #[serde(default)]
     pub is_controller_by_hand: bool,
-    /// Checkpoints that the plant saves, and the one that it resumes from.
+    /// Checkpoints that the plant saves, and the one from which it resumes.
     #[serde(default)]
     pub checkpoints: Checkpoints,
     /// Real-time settings of the plant's loop.
     #[serde(default)]
     pub realtime: realtime::Settings,
-    /// Longest time that the other side may take, in s.
+    /// Longest time in s that the other side may take.
     #[serde(with = "number")]
     pub wait_limit_s: f64,
-    /// Longest time in s that the other side may take until the first step, if that is more than `wait_limit_s`: an FMU
-    /// may compute for long at its start.
+    /// Longest time in s that the other side may take until the first step, if longer than `wait_limit_s`: an FMU may
+    /// take long to start.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub start_limit_s: Option<f64>,
-    /// True if the parameters are those of a change while the run goes on, which nobody starts with.
+    /// `true` if the parameters result from a change during the run, so that no process starts with them.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_tuned: bool,
 }

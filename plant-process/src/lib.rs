@@ -10,13 +10,14 @@
 //! 5. [`integrate`] advances the model in [`models`] to step `k + 1`; [`rows`] writes the record.
 //!
 //! `checkpoint` is the saved state from which a run can resume. Requests from other terminals arrive through [`live`],
-//! which checks or refuses faults, changes, marks and pauses, and wait in [`request_queue`]; `engine::requests` serves
-//! them. A change waits in [`tuning`], which creates its event when it takes effect. `engine::handover` applies the
-//! policy for a lost controller, and lets another take over. [`job`] is the description of the work, [`repeat`] the
-//! repetition of a real-time run in lockstep.
+//! which checks faults, changes, marks and pauses, and wait in [`request_queue`]; `engine::requests` serves them. A
+//! change waits in [`tuning`], which creates its event when the change takes effect. `engine::handover` applies the
+//! policy for a lost controller and hands over to its successor. [`job`] describes the work, and [`repeat`] repeats a
+//! real-time run in lockstep.
 //!
-//! [`program`] is the process around it; a user's own plant binary is a `main` of one line that calls [`program::run`].
-//! No control law is known here.
+//! [`program`] is the surrounding process; a user's own plant binary is a `main` of one line that calls
+//! [`program::run`].
+//! Control laws are unknown here.
 
 mod checkpoint;
 pub mod engine;

@@ -1,8 +1,8 @@
 //! The service: answers requests from other terminals while the plant runs.
 //!
-//! Its thread listens on the session's socket, checks requests against the plant like a scenario, prepares faults with
-//! all the memory they need, and puts requests into the [`request_queue`](crate::request_queue). It never touches the
-//! loop's state, and the loop never waits for it.
+//! The service's thread listens on the session's socket, checks requests against the plant as a scenario is checked,
+//! prepares faults with all the memory they need, and puts requests into the [`request_queue`](crate::request_queue).
+//! It never touches the loop's state, and the loop never waits for it.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};
@@ -29,16 +29,16 @@ use crate::plant::PlantKind;
 use crate::request_queue::{LoopRequest, RequestQueue};
 use crate::tuning::Offered;
 
-/// Time within which the loop must check the queue, which it does before each step.
+/// Time within which the loop must check the queue; the loop does so before each step.
 const LOOP_LIMIT: Duration = Duration::from_secs(5);
 /// Polling interval of the service for the loop's answer.
 const LOOK: Duration = Duration::from_micros(200);
 /// Time limit for the controller's program, which is started to validate parameters.
 const OBJECTION_LIMIT: Duration = Duration::from_secs(30);
-/// Maximum number of faults in one request, as the loop admits them between two steps.
+/// Maximum number of faults in one request, because the loop admits them all between two steps.
 const MOST_FAULTS: usize = 16;
 
-/// Context that requests are checked against.
+/// Context against which requests are checked.
 pub struct LiveContext {
     run: RequestContext,
     law: Option<LawDescription>,
@@ -47,7 +47,7 @@ pub struct LiveContext {
 }
 
 impl LiveContext {
-    /// Collects everything in a job that a live fault may refer to.
+    /// Collects everything in a job to which a live fault may refer.
     #[must_use]
     pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
         let mut run = RequestContext {
@@ -71,18 +71,19 @@ impl LiveContext {
     }
 }
 
-/// Validation of parameter combinations of the plant or the active law. Neither side is instantiated a second time in
-/// this process: a library may support only one instance.
+/// Validation of parameter combinations for the plant or the active law. Neither side is instantiated a second time in
+/// this process, because a library may support only one instance.
 pub type Objections = Box<dyn FnMut(&ParameterQuestion) -> Result<(), String> + Send>;
 
-/// Returns the validation of a session whose `hil` runs the programs for it.
+/// Returns the validation for a session whose `hil` runs the programs.
 #[must_use]
 pub fn objections_of(session: &SessionInfo) -> Objections {
     let session = session.clone();
     Box::new(move |question| {
         let answer =
             live::ask_at::<_, ParameterAnswer>(&session, OBJECTIONS, question, OBJECTION_LIMIT);
-        let answer = answer.map_err(|error| format!("it could not be asked: {error}"))?;
+        let answer =
+            answer.map_err(|error| format!("the validation could not be requested: {error}"))?;
         answer.objection.map_or(Ok(()), Err)
     })
 }
@@ -211,7 +212,7 @@ impl Service {
         }
     }
 
-    /// Returns a fault kind that cannot be saved, in a run that makes checkpoints.
+    /// Returns a fault kind that cannot be saved, if the run makes checkpoints.
     fn unsaveable<'a>(&self, events: &'a [FaultEvent]) -> Option<&'a str> {
         let saves = |event: &FaultEvent| {
             let kind = (self.context.run.kinds.iter()).find(|kind| kind.kind == event.kind);
@@ -228,7 +229,9 @@ impl Service {
         if let (Some(id), true) = (id, ids.is_empty()) {
             return Err(Refusal {
                 expected: Some("the number of a fault that waits or acts".into()),
-                ..Refusal::new(format!("there is no fault {id} to clear"))
+                ..Refusal::new(format!(
+                    "there is no fault {id} to clear; list the faults with `hil inject --active`"
+                ))
             });
         }
         Ok(Response::Cleared { ids, step: step.0 })
@@ -240,7 +243,7 @@ impl Service {
         Ok(Response::Active { status, faults })
     }
 
-    /// Answers when the run is held again, or, if that takes too long, with its current position.
+    /// Responds when the run is held again or, if that takes too long, with its current position.
     fn advance(&self, steps: u64) -> Result<Response, Refusal> {
         if steps == 0 {
             return Err(Refusal::new("0 steps were requested; at least 1 is needed"));
@@ -298,7 +301,7 @@ impl Service {
                 .iter()
                 .any(|other| other.key == new.key)
             {
-                let message = format!("`{}` is given twice", new.key);
+                let message = format!("`{}` is given twice; give it once", new.key);
                 return Err(one(Refusal::new(message)));
             }
         }
@@ -425,7 +428,7 @@ fn wait<T>(receiver: &Receiver<T>) -> Result<T, Refusal> {
             Err(TryRecvError::Empty) if since.elapsed() > LOOP_LIMIT => {
                 let limit_s = LOOP_LIMIT.as_secs();
                 let message = format!(
-                    "the plant began no step for {limit_s} s; the request may still be executed: see `hil inject --active`"
+                    "the plant began no step for {limit_s} s; the request may still be executed: check with `hil inject --active`"
                 );
                 return Err(Refusal::new(message));
             }

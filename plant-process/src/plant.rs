@@ -1,4 +1,4 @@
-//! `trait Plant`: the interface of a model, and its view by the engine as rows of numbers.
+//! `trait Plant`: the interface of a model, and the engine's view of it as rows of numbers.
 //!
 //! A model contains its equations, its parameters and the current command. It has no access to the scenario, the link,
 //! the clock or a fault: a fault changes a parameter from outside.
@@ -12,8 +12,8 @@ use shared_types::time::Interval;
 /// A plant, called in this order:
 ///
 /// 1. [`start`](Plant::start), once: the state at step 0.
-/// 2. At every step `k`: [`retune`](Plant::retune) if a fault or a request moved a parameter, then
-///    [`measure`](Plant::measure) and, when the command of step `k` has arrived, [`truth`](Plant::truth), both of the
+/// 2. At every step `k`: [`retune`](Plant::retune) if a fault or a request changed a parameter, then
+///    [`measure`](Plant::measure) and, when the command of step `k` has arrived, [`truth`](Plant::truth), both for the
 ///    state at step `k`.
 /// 3. [`advance`](Plant::advance) with that command to step `k + 1`.
 /// 4. After the last step `measure` and `truth` once more.
@@ -28,18 +28,18 @@ pub trait Plant: Sized + 'static {
     const NAME: &'static str;
     /// One-sentence summary.
     const SUMMARY: &'static str;
-    /// Parameters, each with a default; mark those open to faults `faultable`, and those that may be changed during a
-    /// run `tunable`.
+    /// Parameters, each with a default; mark those open to faults as `faultable`, and those that may be changed during
+    /// a run `tunable`.
     type Parameters: table::Parameters;
-    /// True state and outputs. A range on a signal is its limit of validity: outside it the run ends as diverged, with
-    /// the signal named.
+    /// True state and outputs. The range of a signal is its limit of validity: a run that leaves it ends as diverged
+    /// and names the signal.
     type Truth: Table;
     /// Sensor readings.
     type Measured: Table;
-    /// Commands that the plant takes.
+    /// Commands that the plant accepts.
     type Command: Table;
 
-    /// Lists named faults in addition to those on single parameters.
+    /// Lists named faults, in addition to faults on single parameters.
     #[must_use]
     fn faults() -> Vec<FaultDescription> {
         Vec::new()
@@ -54,16 +54,16 @@ pub trait Plant: Sized + 'static {
     /// Creates the plant at step 0.
     ///
     /// # Errors
-    /// If the parameters, although each is in its range, are inconsistent.
+    /// If the parameters are inconsistent, although each is in its range.
     fn start(parameters: &Self::Parameters) -> Result<Self, Invalid>;
 
     /// Applies new values of the faultable and tunable parameters.
     fn retune(&mut self, parameters: &Self::Parameters);
 
-    /// Returns the sensors' readings of the present state.
+    /// Returns the sensors' readings of the current state.
     fn measure(&self) -> Self::Measured;
 
-    /// Returns the present truth; `time_s` is the simulated time and `command` the command being applied.
+    /// Returns the current truth; `time_s` is the simulated time and `command` the command being applied.
     fn truth(&self, time_s: f64, command: &Self::Command) -> Self::Truth;
 
     /// Integrates over one interval under a constant command.
@@ -72,8 +72,8 @@ pub trait Plant: Sized + 'static {
 
 /// Plant of any type, as rows of numbers in the order of its tables, called in the order of [`Plant`].
 ///
-/// Every [`Plant`] implements it. A plant whose tables are known only at run time, because its equations are in another
-/// language or in a file, implements it directly and becomes a [`PlantKind`] by
+/// Every [`Plant`] implements this trait. A plant whose tables are known only at run time, because its equations are in
+/// another language or in a file, implements the trait directly and becomes a [`PlantKind`] by
 /// [`from_tables`](PlantKind::from_tables). A failure ends the run at that step with its reason.
 #[expect(
     clippy::missing_errors_doc,
@@ -93,21 +93,21 @@ pub trait Model {
     /// methods.
     ///
     /// # Errors
-    /// If it cannot, with the possible lengths.
+    /// If the model cannot; the error lists the possible lengths.
     fn check_period(&self, _period_s: f64) -> Result<(), Invalid> {
         Ok(())
     }
 
-    /// Checks that the model began with the parameters that it was started with. Called on the model that runs, not on
-    /// one that is started to see whether later values of its parameters go together.
+    /// Checks that the model began with the parameters with which it was started. Called on the model that runs, not on
+    /// a model that is only started to check whether later values of its parameters are consistent.
     ///
     /// # Errors
-    /// If it began with others.
+    /// If the model began with other parameters.
     fn check_start(&self) -> Result<(), Invalid> {
         Ok(())
     }
 
-    /// Returns the names of parameters that cannot be read back, so that no change of them is confirmed.
+    /// Returns the names of parameters that cannot be read back, so that changes to them remain unconfirmed.
     fn unreadable(&self) -> Vec<String> {
         Vec::new()
     }
@@ -115,7 +115,7 @@ pub trait Model {
     /// Returns the present state.
     ///
     /// # Errors
-    /// If it cannot be saved.
+    /// If the state cannot be saved.
     fn save(&self) -> Result<State, Invalid> {
         Err(cannot_save())
     }
@@ -123,7 +123,7 @@ pub trait Model {
     /// Restores a state.
     ///
     /// # Errors
-    /// If it is not a state of this plant.
+    /// If the bytes are not a state of this plant.
     fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
         Err(cannot_save())
     }
@@ -174,7 +174,7 @@ pub type StartPlant = Box<dyn Fn(&Settings) -> Result<Box<dyn Model>, Invalid> +
 pub struct PlantKind {
     /// Description that `--describe` shows.
     pub description: PlantDescription,
-    /// Starts it from all parameters by name.
+    /// Starts the plant from all parameters by name.
     pub start: StartPlant,
 }
 
@@ -200,7 +200,7 @@ impl PlantKind {
         }
     }
 
-    /// The entry of a plant whose tables are known at run time; `start` gets the row of its parameters.
+    /// Creates the entry of a plant whose tables are known at run time; `start` receives the row of its parameters.
     ///
     /// ```
     /// use plant_process::plant::{Model, PlantKind};

@@ -32,14 +32,14 @@ use crate::job::{JOB_FILE, Job};
 use crate::live::{self, LiveContext};
 use crate::plant::PlantKind;
 
-/// Polling interval of a held run for its resumption.
+/// Interval at which a held run checks for its resumption.
 pub const HELD: Duration = Duration::from_millis(1);
 
-/// Longest sleep between checks if `hil` has recorded the controller that sent hello.
+/// Longest sleep between checks whether `hil` has recorded the controller that sent hello.
 const KNOWN_NS: u64 = 5_000_000;
 
-/// Runs a plant process that offers these plants, according to its arguments. Its faults are those of the plants and
-/// the [built-in kinds](kinds::all).
+/// Runs a plant process that offers these plants, according to its arguments. The available faults are those of the
+/// plants and the [built-in kinds](kinds::all).
 ///
 /// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]
@@ -47,7 +47,7 @@ pub fn run(program: &'static str, origin: impl Into<Origin>, plants: Vec<PlantKi
     run_with_faults(program, origin, plants, kinds::all())
 }
 
-/// Does the same with these fault kinds: the built-in ones and custom ones.
+/// Does the same with these fault kinds, both built-in and custom.
 #[must_use]
 pub fn run_with_faults(
     program: &'static str,
@@ -64,7 +64,7 @@ pub fn run_with_faults(
 }
 
 /// Does the same as [`run`] with explicit arguments, the first being the program's own path, for a `main` that is not
-/// in Rust; returns the exit code.
+/// written in Rust; returns the exit code.
 #[must_use]
 pub fn answer(
     arguments: Vec<OsString>,
@@ -76,7 +76,7 @@ pub fn answer(
     program::with_stack(|| program::answer(&program, arguments))
 }
 
-/// Returns the program that [`run`] runs, for a `main` that adds to its description.
+/// Returns the program that [`run`] runs, for a `main` that extends its description.
 #[must_use]
 pub fn of(program: &str, origin: impl Into<Origin>, plants: Vec<PlantKind>) -> impl Program + Sync {
     PlantProgram {
@@ -193,7 +193,7 @@ impl Program for PlantProgram {
 /// Builds the engine of a job once, to check that the job can be run.
 ///
 /// # Errors
-/// The reason why it cannot.
+/// The reason why the job cannot be run.
 pub fn check(kind: &PlantKind, faults: &[FaultKindEntry], job: Job) -> Result<(), String> {
     let (link, _) = shared_types::link::in_process::pair();
     let (sink, _) = shared_types::stream::in_process::pair();
@@ -201,7 +201,7 @@ pub fn check(kind: &PlantKind, faults: &[FaultKindEntry], job: Job) -> Result<()
     engine.map(|_| ()).map_err(|e| e.to_string())
 }
 
-/// Polls an engine to its end; every wait is bounded.
+/// Polls an engine until its end; every wait is bounded.
 ///
 /// # Errors
 /// If the link or the record stream failed.

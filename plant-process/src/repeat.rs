@@ -1,8 +1,8 @@
 //! Repetition of a real-time run in lockstep: the samples that its controller missed, and the command that each step
 //! used.
 //!
-//! Consulted by the engine at each step. The controller answers the samples that it received in the original run, at
-//! once; its commands wait here until the step at which they had arrived in the original run.
+//! Consulted by the engine at each step. The controller immediately answers the samples that it received in the
+//! original run; its commands wait here until the step at which they arrived in the original run.
 
 use serde::{Deserialize, Serialize};
 use shared_types::frame::Header;
@@ -13,7 +13,7 @@ use shared_types::time::Step;
 pub struct Missed {
     /// The step.
     pub step: u64,
-    /// Number of steps before this one at which the command used by this step was sent.
+    /// Number of steps between this step and the earlier one at which its command was sent.
     pub held_steps: u32,
     /// `true` if the step's sample was answered, at that step or later.
     pub answered: bool,
@@ -75,7 +75,7 @@ impl Repetition {
     /// Stores the answer to a step and replaces it by the command that the step used.
     ///
     /// # Errors
-    /// If there is no such command: the late steps are inconsistent.
+    /// If there is no such command, because the late steps are inconsistent.
     pub(crate) fn exchange(
         &mut self,
         step: Step,

@@ -1,7 +1,7 @@
 //! Queue of external requests, which wait here for the loop.
 //!
-//! The service thread of [`live`](crate::live) adds requests; the engine reads one number before each step, the gate,
-//! and opens the queue only when the step has reached it. The loop never waits for the queue, and the queue never
+//! The service thread of [`live`](crate::live) adds requests. The engine reads one number, the gate, before each step,
+//! and opens the queue only when the step has reached the gate. The loop never waits for the queue, and the queue never
 //! touches the loop's state.
 
 use std::collections::VecDeque;
@@ -22,7 +22,7 @@ use crate::tuning::Offered;
 pub enum LoopRequest {
     /// Admit these faults, all or none.
     Admit(Vec<Box<ArmedFault>>, Sender<Result<Vec<Admitted>, String>>),
-    /// End one fault or all; answered with those that ended and the first step without them.
+    /// End one fault or all; the answer has the ended faults and the first step without them.
     Clear(Option<u32>, Sender<(Vec<u32>, Step)>),
     /// List the faults.
     Show(Sender<Vec<FaultState>>),
@@ -32,9 +32,9 @@ pub enum LoopRequest {
     Resume(Sender<()>),
     /// Run N more steps, then pause; refused unless the run is paused.
     Advance(u64, Sender<Result<Step, String>>),
-    /// Return the newest record; `None` before the first.
+    /// Return the latest record; `None` before the first.
     Record(Sender<Option<Vec<u64>>>),
-    /// Accept a change of values, checked for the controller of this epoch; answered with its number and step.
+    /// Accept a change of values, checked for the controller of this epoch; the answer has its number and step.
     Change(Box<Change>, u32, Sender<Result<(u32, Step), String>>),
     /// List the values that can be changed, and the results of a proposed change.
     Tunable(Option<Box<Change>>, Sender<Box<TuningShown>>),
@@ -101,8 +101,8 @@ impl RequestQueue {
         step.0 < self.gate.load(Ordering::Acquire)
     }
 
-    /// For the loop: takes one request, if there is one and the queue is not locked. `None` also moves the gate to the
-    /// step of the next hold.
+    /// For the loop: takes one request, if there is one and the queue is not locked. If there is none, moves the gate
+    /// to the step of the next hold.
     #[must_use]
     pub fn next_request(&self) -> Option<LoopRequest> {
         let mut requests = self.requests.try_lock().ok()?;
@@ -131,7 +131,7 @@ impl RequestQueue {
         let _ = self.layout.set(layout.clone()); // a second controller has the same layout
     }
 
-    /// For the loop: ends the service of requests, as the run is over.
+    /// For the loop: ends the service of requests because the run is over.
     pub fn close(&self) {
         self.closed.store(true, Ordering::Release);
         self.lock().waiting.clear();

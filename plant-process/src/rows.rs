@@ -14,7 +14,7 @@ use shared_types::zerocopy::IntoBytes;
 /// Rows for the tables agreed on by a plant and a controller.
 #[derive(Debug, Default)]
 pub struct Rows {
-    /// Measured signals, then reference signals.
+    /// Measured signals, followed by reference signals.
     pub sample: Vec<f64>,
     /// Sensor readings, before faults.
     pub sensed: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct Rows {
     pub parameter: Vec<f64>,
     /// Invalid bits of the sample sent last.
     pub invalid: [u64; VALIDITY_WORDS],
-    /// Newest accepted frame of the controller: its commands, then its internals.
+    /// Latest accepted frame of the controller: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
     pub command: Vec<f64>,
@@ -42,7 +42,7 @@ pub struct Rows {
     pub record: Vec<u64>,
     layout: RecordLayout,
     validity: Validity,
-    /// Values of the last record with invalid ones replaced by NaN, if there are any.
+    /// Values of the last record, with invalid values replaced by NaN; empty if there are none.
     known: Vec<f64>,
     /// Signals of the frame, as agreed with the first controller.
     table: SignalTable,
@@ -50,9 +50,9 @@ pub struct Rows {
     commands: Vec<usize>,
     /// Index of the first internal in `frame`.
     internals: usize,
-    /// Newest frame of the active controller, accepted or not.
+    /// Latest frame of the active controller, accepted or not.
     received: Vec<f64>,
-    /// Index in the received frame of each signal, if it is there; `None` if all indices are unchanged.
+    /// Index in the received frame of each signal that the frame contains; `None` if all indices are unchanged.
     places: Option<Vec<Option<usize>>>,
 }
 
@@ -119,7 +119,7 @@ impl Rows {
         header.invalid = invalid;
     }
 
-    /// Returns `true` if the frame received with `header` differs from the accepted one, whose header is `accepted`.
+    /// Returns `true` if the frame received with `header` differs from the accepted frame with the header `accepted`.
     pub fn differs(&self, header: &Header, accepted: &Header) -> bool {
         let differs = |(index, value): (usize, &f64)| {
             let place = (self.places.as_ref()).map_or(Some(index), |places| places[index]);
@@ -129,7 +129,7 @@ impl Rows {
         header.age_steps != accepted.age_steps || self.frame.iter().enumerate().any(differs)
     }
 
-    /// Fills the frame with these settings of the plant's commands; everything else is NaN. Returns the matching
+    /// Fills the frame with these settings of the plant's commands, and all other values with NaN. Returns the matching
     /// invalid bits.
     pub fn fill_frame(&mut self, settings: &Settings) -> [u64; VALIDITY_WORDS] {
         self.frame.fill(f64::NAN);
@@ -147,12 +147,12 @@ impl Rows {
     /// Restores the last record of a resumed run.
     ///
     /// # Errors
-    /// If it does not have this layout.
+    /// If the record does not have this layout.
     pub fn restore_record(&mut self, record: &[u64]) -> Result<(), Invalid> {
         if record.len() != self.record.len() {
             let (theirs, ours) = (record.len(), self.record.len());
             return Err(Invalid(format!(
-                "records had {theirs} words when the state was saved and have {ours} now"
+                "records had {theirs} words when the state was saved, but have {ours} now"
             )));
         }
         self.record.copy_from_slice(record);
@@ -206,7 +206,7 @@ impl Rows {
         words.timing(timing);
     }
 
-    /// Writes the record after the last step: without a command, only NaN marked invalid.
+    /// Writes the record after the last step: the command is missing, and its values are NaN marked as invalid.
     pub fn write_final_record(&mut self, step: Step, timing: &Timing) {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);

@@ -12,7 +12,7 @@ use hil_config::plan::{Sweep, Waveform};
 
 use self::taylor::Taylor;
 
-/// Writes a waveform's value and its time derivatives in rising order.
+/// Writes the value and the time derivatives of a waveform in ascending order.
 ///
 /// # Panics
 /// If the row does not have `1 + waveform.derivatives()` numbers.
@@ -70,8 +70,8 @@ pub fn evaluate(waveform: &Waveform, time_s: f64, row: &mut [f64]) {
 
 /// Computes `amplitude sin(2 pi turns + phase)`.
 ///
-/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run more
-/// and more coarsely.
+/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run ever
+/// more coarsely.
 fn sine(turns: Taylor, phase_rad: f64, amplitude: f64) -> Taylor {
     let whole = turns.value().floor();
     ((turns + -whole) * TAU + phase_rad).sin() * amplitude
@@ -133,8 +133,8 @@ mod tests {
         row
     }
 
-    /// Compares with numbers of 50 digits; the n-th derivative may be off by the rounding of a quantity of size
-    /// `amplitude (2 pi f)^n`.
+    /// Compares with 50-digit numbers; the n-th derivative may deviate by the rounding of a quantity of size `amplitude
+    /// (2 pi f)^n`.
     fn assert_close(row: &[f64], expected: &[f64; 6], amplitude: f64, frequency_hz: f64) {
         let mut scale = amplitude;
         for (n, (actual, want)) in row.iter().zip(expected).enumerate() {

@@ -1,8 +1,9 @@
 //! Values that change during a run: pending changes, and the courses of all changed values.
 //!
-//! The engine checks at each step if there is work, which is one comparison in the common case. A change takes effect
-//! before the step is measured, all its keys at once. A plant parameter changes its healthy value, on which faults act;
-//! a law parameter is sent to the controller; a reference signal leaves its stimulus until it is cleared.
+//! The engine checks at each step whether there is work, which is one comparison in the common case. A change takes
+//! effect before the step is measured, for all its keys at once. The change of a plant parameter sets its healthy
+//! value, on which faults act; the change of a law parameter is sent to the controller; a changed reference signal
+//! leaves its stimulus until it is cleared.
 
 mod saved;
 
@@ -34,7 +35,7 @@ pub struct Tuning {
     waiting: VecDeque<Change>,
     /// First step at which there is work.
     next: Step,
-    /// Courses of the plant's parameters by index, and those of its law by full name.
+    /// Courses of the plant's parameters by index, and courses of the law's parameters by full name.
     plant: BTreeMap<usize, Course>,
     law: BTreeMap<String, Course>,
     /// Tunable parameters of the active law.
@@ -43,10 +44,10 @@ pub struct Tuning {
     number: u64,
     references: Vec<Reference>,
     told: VecDeque<Event>,
-    /// Number of accepted changes, which is also the number of the last one.
+    /// Number of accepted changes, which is also the number of the last change.
     taken: usize,
     last_id: u32,
-    /// Keys of the law's parameters that were changed and cannot be read back.
+    /// Keys of changed law parameters that cannot be read back.
     unconfirmed: BTreeSet<String>,
 }
 
@@ -61,7 +62,7 @@ pub struct Offered {
     pub parameters: Vec<TunableParameter>,
 }
 
-/// Reference signal: its index among all, and its course if it has left its stimulus.
+/// Reference signal: its index among all of them, and its course if it has left its stimulus.
 #[derive(Clone, Debug)]
 struct Reference {
     key: String,
@@ -148,23 +149,23 @@ impl Tuning {
     /// Accepts a live change before a step.
     ///
     /// # Errors
-    /// If its step is past, or there are too many.
+    /// If its step is past, or there are too many changes.
     pub fn admit(&mut self, mut change: Change, next: Step) -> Result<(u32, Step), String> {
         let step = change.step.unwrap_or(next);
         if step < next {
             let (at_s, next_s) = (self.rate.seconds(step), self.rate.seconds(next));
             return Err(format!(
-                "step {step} ({at_s} s) is past: the run is at step {next} ({next_s} s)"
+                "step {step} ({at_s} s) is past, because the run is at step {next} ({next_s} s); choose a later time"
             ));
         }
         if self.left() == 0 {
             return Err(format!(
-                "the run has had {MOST_CHANGES} changes, which is the maximum"
+                "a run can have at most {MOST_CHANGES} changes, and this run has reached that number; set further values in a new run"
             ));
         }
         if self.waiting.iter().filter(|change| change.live).count() >= MOST_WAITING {
             return Err(format!(
-                "{MOST_WAITING} changes wait for their step, which is the maximum"
+                "at most {MOST_WAITING} changes can wait for their step; send the change again once a waiting one has begun"
             ));
         }
         self.taken += 1;
@@ -195,8 +196,8 @@ impl Tuning {
         MOST_CHANGES.saturating_sub(self.taken)
     }
 
-    /// Advances the values to a step; `stimulus` are the reference signals of the step without changes. Returns `true`
-    /// if the law must be informed.
+    /// Advances the values to a step; `stimulus` holds the step's reference signals without changes. Returns `true` if
+    /// the law must be informed.
     pub fn advance(&mut self, step: Step, stimulus: &[f64]) -> bool {
         let mut moves_law = false;
         while let Some(change) = self.waiting.pop_front() {
@@ -272,7 +273,7 @@ impl Tuning {
         (self.plant.iter()).map(move |(place, course)| (*place, course.at(step)))
     }
 
-    /// Keys of parameters that were changed and cannot be read back; `unreadable` are the plant's.
+    /// Returns the keys of changed parameters that cannot be read back; `unreadable` lists those of the plant.
     #[must_use]
     pub fn unconfirmed(&self, unreadable: &[String]) -> BTreeSet<String> {
         let of_plant = (self.plant.keys())
@@ -304,7 +305,7 @@ impl Tuning {
         self.number
     }
 
-    /// Creates the message to the active law: all of its changed parameters.
+    /// Creates the message to the active law, which has all its changed parameters.
     #[must_use]
     pub fn tuned(&self) -> Tuned {
         let own = law_keys(&self.offered.law);
@@ -320,8 +321,8 @@ impl Tuning {
         }
     }
 
-    /// Switches to another active law. Its parameters whose initial value differs from the previous controller's are
-    /// reset to that value; all others stay tuned.
+    /// Switches to another active law. A parameter whose initial value differs from that of the previous controller is
+    /// reset to its initial value; all others stay tuned.
     pub fn offer(&mut self, offered: Offered) {
         let before = std::mem::replace(&mut self.offered, offered);
         if before.law == self.offered.law {
@@ -364,7 +365,7 @@ impl Tuning {
         &self.waiting
     }
 
-    /// Lists everything that can be changed, as it is at a step, including the changes that begin there.
+    /// Lists everything that can be changed with its values at a step, including the changes that begin there.
     #[must_use]
     pub fn tunable(&self, step: Step, stimulus: &[f64]) -> Vec<Tunable> {
         if self
@@ -417,7 +418,7 @@ impl Tuning {
         of_law.chain(of_plant).chain(signals).collect()
     }
 
-    /// Returns the settings of the plant or the law after a proposed change, and after each later one.
+    /// Returns the settings of the plant or the law after a proposed change, and after each later change.
     #[must_use]
     pub fn settings_with(&self, change: &Change, prefix: &str) -> Vec<Settings> {
         let mut present = Settings::default();

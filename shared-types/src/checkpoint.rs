@@ -21,7 +21,7 @@ const MARK: &[u8] = b"hil state 1\n";
 /// Step beyond the end of any run.
 const NEVER: Step = Step(u64::MAX);
 
-/// Checkpoints that a side writes and the one that it resumes from, as given in its job.
+/// Checkpoints that a side writes, and the one from which it resumes, as stated in its job.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Checkpoints {

@@ -2,7 +2,7 @@
 //!
 //! The wire, the recording and the faults use the plant's names and units; the law uses its own. A controller's runner
 //! renames the law's tables before hello and converts each incoming and outgoing row; neither law nor plant is aware of
-//! it. The connections are made by the check of a scenario's `[[connect]]` and passed on in the controller's job.
+//! the connections. The check of a scenario's `[[connect]]` makes them, and the controller's job carries them.
 
 use std::fmt;
 
@@ -27,7 +27,7 @@ pub struct Connection {
     pub plant: String,
     /// Unit in the plant's table, or of the reference signal.
     pub plant_unit: String,
-    /// Conversion from the sent to the received value: the law sends commands and receives all else.
+    /// Conversion from the sent to the received value: the law sends commands and receives all other signals.
     #[serde(flatten)]
     pub conversion: Conversion,
     /// `true` if the scenario states the conversion, `false` if it follows from the units.
@@ -64,7 +64,7 @@ impl fmt::Display for Connection {
     }
 }
 
-/// Returns the fields of one kind with the names and units that the connections bind them to, order preserved.
+/// Returns the fields of one kind, in order, with the names and units to which the connections bind them.
 #[must_use]
 pub fn renamed(kind: SignalKind, fields: &[Field], connections: &[Connection]) -> Vec<Field> {
     let renamed = |field: &Field| {
@@ -92,7 +92,7 @@ pub fn conversions(
 }
 
 impl LawDescription {
-    /// Returns the law as seen on the wire: each signal under the name and unit it is bound to.
+    /// Returns the law as seen on the wire: each signal has the name and unit to which it is bound.
     ///
     /// # Errors
     /// If the law lacks a signal to be bound, or would send one command twice.
@@ -129,7 +129,7 @@ impl LawDescription {
             if before.into_iter().any(|other| other.name == field.name) {
                 let (law, name) = (&self.name, &field.name);
                 return Err(Invalid(format!(
-                    "law `{law}` would send the command `{name}` twice"
+                    "law `{law}` would send the command `{name}` twice; remove one of the connections"
                 )));
             }
         }

@@ -1,7 +1,8 @@
 //! Description of a plant or controller binary, its answer to `--describe`.
 //!
-//! The launcher checks scenarios against it, and so can refuse an unknown key or an out-of-range value even for a model
-//! that it has never seen. JSON on standard output; programs in any language can write it.
+//! The launcher checks scenarios against this description, so that it can refuse an unknown key or an out-of-range
+//! value even for an unfamiliar model. The description is JSON on standard output, and programs in any language can
+//! write it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -28,13 +29,13 @@ pub struct Description {
     /// Source that the binary was built from; `None` if its build recorded none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub build: Option<Build>,
-    /// Plants it can simulate; empty for a controller.
+    /// Plants that the program can simulate; empty for a controller.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub plants: Vec<PlantDescription>,
-    /// Laws it can run; empty for a plant.
+    /// Laws that the program can run; empty for a plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub laws: Vec<LawDescription>,
-    /// Fault kinds shared by its plants: those on signals, links and timing; empty for a controller.
+    /// Fault kinds shared by all plants of the program: those on signals, links and timing; empty for a controller.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub faults: Vec<FaultKindDescription>,
     /// Facts about an imported model that the program runs, made by another tool.
@@ -43,7 +44,7 @@ pub struct Description {
 }
 
 impl Description {
-    /// Creates the description of a program with this origin, without plants and laws yet.
+    /// Creates the description of a program with this origin, still without plants and laws.
     #[must_use]
     pub fn of_origin(program: &str, origin: Origin) -> Self {
         Self {
@@ -133,7 +134,7 @@ pub struct PlantDescription {
     pub truth: Vec<Field>,
     /// Signals that the plant's sensors report.
     pub measured: Vec<Field>,
-    /// Commands that the plant takes.
+    /// Commands that the plant accepts.
     pub commands: Vec<Field>,
     /// Named faults, in addition to faults on single parameters.
     #[serde(default)]
@@ -168,7 +169,7 @@ impl PlantDescription {
     }
 }
 
-/// Named fault of a plant: the faultable parameters it moves, and how.
+/// Named fault of a plant: the faultable parameters that it moves, and the way it moves them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultDescription {
     /// Name, the scenario's `faults.kind`.
@@ -181,11 +182,11 @@ pub struct FaultDescription {
     /// group `actuator1`. `None` if the plant is the only target.
     #[serde(default)]
     pub selector: Option<String>,
-    /// Keys, units and ranges of an effect's sizes; a size with a default may be omitted.
+    /// Keys, units and ranges of an effect's magnitudes; a magnitude with a default may be omitted.
     pub sizes: Vec<Field>,
     /// Parameters that the fault moves.
     pub moves: Vec<ParameterMove>,
-    /// Profile by which the sizes set in unless the scenario gives another.
+    /// Profile by which the magnitudes set in unless the scenario states another.
     pub profile: ProfileDescription,
 }
 
@@ -216,13 +217,13 @@ pub enum Operation {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum MoveBy {
-    /// Value of the effect's size with this key.
+    /// Magnitude of the effect with this key.
     Size(String),
     /// A constant.
     Constant(f64),
 }
 
-/// Default profile by which a fault's sizes set in over time.
+/// Default profile by which a fault's magnitudes set in over time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum ProfileDescription {
@@ -246,10 +247,10 @@ pub struct FaultKindDescription {
     pub equation: String,
     /// Targets of this kind of fault.
     pub acts_on: ActsOn,
-    /// Keys, units and ranges of an effect. The unit `target` stands for that of the target. A parameter with a default
-    /// may be omitted.
+    /// Keys, units and ranges of an effect. The unit `target` stands for the unit of the target. A parameter with a
+    /// default may be omitted.
     pub parameters: Vec<Field>,
-    /// List of numbers that an effect may or must give in addition.
+    /// List of numbers that an effect may or must state in addition.
     #[serde(default)]
     pub list: Option<ListDescription>,
     /// `true` if the state of such a fault can be saved, so that a run can resume from a checkpoint.
@@ -257,7 +258,7 @@ pub struct FaultKindDescription {
     pub saves: bool,
 }
 
-/// Things that a fault kind acts on, which determine the valid targets of its effects.
+/// Objects that a fault kind acts on, which determine the valid targets of its effects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum ActsOn {
@@ -265,7 +266,7 @@ pub enum ActsOn {
     Signals,
     /// Signals and every faultable parameter of the plant, `parameter.x`.
     Numbers,
-    /// Frames on the link: `link.sample` (plant to controller) and `link.command` (back).
+    /// Frames on the link: `link.sample` (plant to controller) and `link.command` (controller to plant).
     Links,
     /// Computing time of a side: `controller` and `plant`.
     Sides,
@@ -316,7 +317,7 @@ pub struct LawDescription {
     pub measured: Vec<Field>,
     /// Reference signals that the law needs.
     pub reference: Vec<Field>,
-    /// Commands that the law sends; `None` means the commands that the plant takes.
+    /// Commands that the law sends; `None` means the commands that the plant accepts.
     pub commands: Option<Vec<Field>>,
     /// Internal signals that the law exposes.
     #[serde(default)]
@@ -351,7 +352,9 @@ impl LawDescription {
     fn check(&self) -> Result<(), String> {
         let name = shown("law", &self.name)?;
         if !is_line(&self.tuning) {
-            return Err(format!("{name} describes its tuning on more than one line"));
+            return Err(format!(
+                "{name} describes its tuning on more than one line; use one line"
+            ));
         }
         if self.tunable().next().is_some() == self.tuning.is_empty() {
             return Err(format!(
@@ -386,7 +389,7 @@ impl LawDescription {
     }
 }
 
-/// Values by name as in a job file: parameters, safe commands or fault sizes. Settings of a process's loop are
+/// Named values in a job file: parameters, safe commands or fault magnitudes. Settings of a process's loop are
 /// [`realtime::Settings`](crate::realtime::Settings).
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -397,7 +400,7 @@ pub struct Settings(pub BTreeMap<String, Setting>);
 #[serde(transparent)]
 pub struct Setting(#[serde(with = "number")] pub f64);
 
-/// Missing setting, without which a row cannot be built.
+/// Missing setting of a table's row.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("parameter `{key}` is missing from the job; a scenario sets it under this key")]
 pub struct MissingSetting {
@@ -433,7 +436,7 @@ impl Settings {
         settings
     }
 
-    /// Builds the row of a table, whose settings stand in the scenario's `section`, for example `plant.parameters`.
+    /// Builds the row of a table from the settings in the scenario's `section`, for example `plant.parameters`.
     ///
     /// # Errors
     /// If a column of the table has no setting.
@@ -454,7 +457,7 @@ impl Settings {
     }
 }
 
-/// Combination of parameters that a model or law cannot work with, detected at its start.
+/// Combination of parameters that a model or law rejects at its start.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0}")]
 pub struct Invalid(pub String);

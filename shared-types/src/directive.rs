@@ -1,5 +1,4 @@
-//! Timing directives that the plant's engine and the controller's runner exchange in frame headers; a law never sees
-//! them.
+//! Timing directives that the plant's engine sends to the controller's runner, and the replies; a law never sees them.
 
 use crate::time::Step;
 
@@ -11,7 +10,7 @@ pub struct Directive {
     /// Delay in steps until the command of this sample takes effect. Until then the runner repeats the last command and
     /// ignores samples. At most 2^31 - 1.
     pub late_steps: u32,
-    /// `true` if the repeated run did not receive this sample: the last command is sent again.
+    /// `true` if the repeated run did not receive this sample: the runner sends the last command again.
     pub unseen: bool,
 }
 
@@ -37,16 +36,16 @@ impl Directive {
     }
 }
 
-/// Samples that a controller answered before the one that a command answers.
+/// Samples that a controller answered before the sample to which a command belongs.
 ///
-/// In lockstep it answers every sample. In real time it may miss some, and some of its commands may be replaced before
-/// the plant has seen them, never more than two in a row: one in progress when the plant polled, and one for each
-/// sample since. The last two answers before a command therefore complete the list of all.
+/// In lockstep a controller answers every sample. In real time it may miss some, and some of its commands may be
+/// replaced before the plant has seen them, but never more than two in a row: one in progress when the plant polled,
+/// and one for each sample since. The last two answers before a command therefore suffice to list all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answered {
-    /// Steps from the sample answered last to the one that the command answers; 0 for none.
+    /// Steps from the last answered sample to the sample that the command answers; 0 for none.
     pub last_steps: u32,
-    /// Steps from the sample answered before that to the sample answered last; 0 for none.
+    /// Steps from the last but one answered sample to the last one; 0 for none.
     pub last_but_one_steps: u32,
 }
 

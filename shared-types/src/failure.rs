@@ -1,10 +1,10 @@
 //! Failure of a plant or law during a run.
 //!
-//! Returned by plants and laws whose equations live elsewhere, in C or in a file, through the rows of
+//! Returned by plants and laws whose equations are implemented elsewhere, in C or in a file, through the rows of
 //! `plant_process::plant::Model` and `controller_process::controller::Law`. A `Plant` or `Controller` written in Rust
 //! never fails: its ranges of validity limit it.
 
-/// Failure that ends a run, with its reason. It has the size of a pointer, so that returning none costs nothing.
+/// Failure that ends a run, with its reason. Pointer-sized, so that returning `None` costs nothing.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{}", .0.reason)]
 pub struct Failure(Box<Cause>);
@@ -22,7 +22,7 @@ impl Failure {
         Self::of(true, reason.into())
     }
 
-    /// Creates the failure of a plant or law that can do no further step: its side of the run fails.
+    /// Creates the failure of a plant or law that cannot compute another step: its side of the run fails.
     #[must_use]
     pub fn lost(reason: impl Into<String>) -> Self {
         Self::of(false, reason.into())

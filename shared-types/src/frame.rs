@@ -31,7 +31,7 @@ pub enum FrameKind {
     EndConfirmed = 4,
     /// Either way: the sender aborts; `directive` is the reason ([`AbortCode`](crate::lockstep::AbortCode)).
     Abort = 5,
-    /// Plant to controller: the sample of `step` is delayed, restart the wait. Sent while a run is paused.
+    /// Plant to controller: the sample of `step` is delayed; restart the wait. Sent while a run is paused.
     Hold = 6,
 }
 
@@ -148,8 +148,8 @@ impl Header {
 /// `WORDS` is [`words`] of the number of values that fit. The checksum is rapidhash (version 3, 64 bits, standard seed)
 /// over header and values, not over unused room.
 ///
-/// Any bytes of the right size are a frame, as they come from memory that another process writes to; [`Frame::open`]
-/// decides if it is valid.
+/// Any bytes of the right size form a frame, because the memory is also writable by another process; [`Frame::open`]
+/// decides whether the frame is valid.
 #[derive(Clone, Copy, Debug, FromBytes, IntoBytes, Immutable, KnownLayout)]
 #[repr(C)]
 pub struct Frame<const WORDS: usize> {
@@ -178,22 +178,22 @@ pub const fn words(values: usize) -> usize {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FrameError {
     /// Wrong checksum.
-    #[error("its checksum is wrong")]
+    #[error("the frame's checksum is wrong")]
     Corrupt,
     /// Frame of another session.
-    #[error("it belongs to another session")]
+    #[error("the frame belongs to another session")]
     Session,
     /// Frame from or for another controller of this session.
-    #[error("it belongs to another epoch")]
+    #[error("the frame belongs to another epoch")]
     Epoch,
     /// Signal layout that differs from the agreed one.
-    #[error("its signal layout is not the one agreed on")]
+    #[error("the frame's signal layout differs from the agreed one")]
     Layout,
     /// Number of values that differs from the agreed one.
-    #[error("its number of values is not the one agreed on")]
+    #[error("the frame's number of values differs from the agreed one")]
     Count,
     /// Unknown kind.
-    #[error("its kind is unknown")]
+    #[error("the frame's kind is unknown")]
     Kind,
 }
 
@@ -209,7 +209,7 @@ pub struct FrameIdentity {
 }
 
 impl FrameIdentity {
-    /// Checks that a header belongs here and carries `count` values if its kind carries any.
+    /// Checks that a header belongs to this session, epoch and layout, and has `count` values if its kind carries any.
     ///
     /// # Errors
     /// The first mismatch.
@@ -264,7 +264,7 @@ impl<const WORDS: usize> Frame<WORDS> {
     /// Creates a sealed frame of these values, with its checksum. Values are made [`canonical`].
     ///
     /// # Panics
-    /// If there are more values than fit; the size class is chosen at hello so that they do.
+    /// If the values do not fit; the size class chosen at hello prevents this.
     #[must_use]
     pub fn sealed(header: &Header, values: &[f64], identity: FrameIdentity) -> Self {
         let mut frame = Self::default();

@@ -34,7 +34,7 @@ pub enum Control {
         /// The epoch that was welcomed.
         epoch: u32,
     },
-    /// Plant to controller, during the run: law parameters that were changed.
+    /// Plant to controller, during the run: changed law parameters.
     Tuned(Tuned),
 }
 
@@ -70,7 +70,7 @@ pub struct Hello {
     pub measured: Vec<Field>,
     /// Reference signals that the law needs.
     pub reference: Vec<Field>,
-    /// Commands that the law sends; `None` means the commands that the plant takes.
+    /// Commands that the law sends; `None` means the commands that the plant accepts.
     pub commands: Option<Vec<Field>>,
     /// Internal signals that the law exposes.
     pub internals: Vec<Field>,
@@ -88,7 +88,7 @@ pub struct TunableParameter {
     /// Initial value.
     #[serde(with = "number")]
     pub value: f64,
-    /// True if it cannot be read back from the law, so that no change of it is confirmed.
+    /// `true` if the value cannot be read back from the law, so that changes to it remain unconfirmed.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_unreadable: bool,
 }
@@ -152,7 +152,7 @@ impl Welcome {
 }
 
 impl Hello {
-    /// Creates the greeting of a law that needs no signals, exposes none and takes the commands of any plant.
+    /// Creates the greeting of a law that needs and exposes no signals and takes the commands of any plant.
     #[must_use]
     pub fn new(session: u64, law: &str) -> Self {
         Self {
@@ -204,7 +204,7 @@ impl Hello {
         wrong.map_or(Ok(()), |one| {
             let (name, value) = (&one.field.name, one.value);
             Err(Refused::Otherwise(format!(
-                "tunable parameter {name:?} is {value}, out of its range"
+                "tunable parameter {name:?} is {value}, which is out of its range"
             )))
         })
     }
@@ -281,7 +281,9 @@ impl SignalTable {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Refused {
     /// Different protocol versions.
-    #[error("protocol {theirs} on the other side, {ours} here; use binaries of one version")]
+    #[error(
+        "the other side speaks protocol {theirs}, but this side speaks {ours}; use binaries of one version"
+    )]
     Protocol {
         /// Version of the other side.
         theirs: u32,
@@ -299,7 +301,7 @@ pub enum Refused {
     Unusable {
         /// Kind of the signals, or `law` for the name of the law.
         kind: &'static str,
-        /// Reason why one of them is unusable.
+        /// Reason why the signals are unusable.
         why: Unusable,
     },
     /// More signals in one direction than a frame can carry.
@@ -311,7 +313,7 @@ pub enum Refused {
     /// Signals without a counterpart.
     #[error("{}", list(signals))]
     Unbound {
-        /// Each of these signals.
+        /// Unbound signals.
         signals: Vec<String>,
     },
 }
@@ -344,14 +346,14 @@ pub struct Offer<'a> {
     pub measured: &'a [Field],
     /// Reference signals.
     pub reference: &'a [Field],
-    /// Commands that the plant takes.
+    /// Commands that the plant accepts.
     pub commands: &'a [Field],
 }
 
 /// Agrees with a controller, or refuses it.
 ///
 /// # Errors
-/// The reason for the refusal, with all unbound signals at once.
+/// The reason for the refusal, which lists all unbound signals at once.
 pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
     if hello.protocol != PROTOCOL {
         return Err(Refused::Protocol {

@@ -1,7 +1,7 @@
 //! Ignored messages and frames, counted by reason.
 //!
 //! [Links](crate::link) count frames that fail a check; the plant's [lockstep machine](crate::lockstep) and its engine
-//! count messages that are out of turn. The counts help to diagnose a peer afterwards and never influence a run.
+//! count unexpected messages. The counts help to diagnose a peer afterwards and never influence a run.
 
 use std::collections::BTreeMap;
 use std::ops::Add;
@@ -26,9 +26,9 @@ pub enum Reason {
     Count,
     /// Frame of an unknown kind.
     Kind,
-    /// Command that is no newer than an accepted one.
+    /// Command no newer than an already accepted one.
     Repeated,
-    /// Command for a step that was executed without it, too late to be kept.
+    /// Command for a step that was already executed without it, too late to be kept.
     Late,
     /// Frame of a controller that counts as lost.
     Lost,
@@ -36,7 +36,7 @@ pub enum Reason {
     OutOfTurn,
     /// Control message that cannot be decoded.
     Unreadable,
-    /// Control message of a process that was not launched as the controller.
+    /// Control message from a process that was not launched as the controller.
     Impostor,
 }
 

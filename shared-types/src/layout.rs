@@ -1,6 +1,6 @@
 //! Signal layout: the tables of both directions, their binding by name and unit at hello, and the layout of a record.
 //!
-//! Fixed before step 0; from then on only positions and the layout hash are used.
+//! Fixed before step 0; afterwards only positions and the layout hash are used.
 
 use std::collections::BTreeSet;
 
@@ -35,7 +35,7 @@ pub struct Signal {
     pub field: Field,
 }
 
-/// Kind of a signal, which determines its owner; also its prefix in expressions and recordings.
+/// Kind of a signal, which determines the signal's owner and its prefix in expressions and recordings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SignalKind {
@@ -65,7 +65,7 @@ impl SignalKind {
     }
 }
 
-/// Required signal that the other side does not send.
+/// Required signal that the other side does not send under this name and unit.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unbound {
     /// No signal has that name.
@@ -171,7 +171,7 @@ impl SignalTable {
     }
 }
 
-/// Reason why a table of another process is unusable: its columns must be printable and unique, both in expressions and
+/// Reason why a table of another process is unusable. Its columns must be printable, and unique both in expressions and
 /// in the schema of a recording.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unusable {
@@ -187,13 +187,13 @@ pub enum Unusable {
         unit: String,
     },
     /// Description that could not be read back as written.
-    #[error("the description of `{0}` is too long or has unprintable characters")]
+    #[error("the description of `{0}` is too long or contains unprintable characters")]
     Description(String),
     /// Duplicate column name.
     #[error("`{0}` is defined twice")]
     Twice(String),
     /// Too many columns.
-    #[error("there are {count}; at most {most} are allowed")]
+    #[error("there are {count}, but at most {most} are allowed")]
     Many {
         /// Returns the number of columns.
         count: usize,
@@ -202,7 +202,7 @@ pub enum Unusable {
     },
 }
 
-/// Returns `true` if a text can be shown on one line.
+/// Returns `true` if a text fits on one line.
 #[must_use]
 pub fn is_line(text: &str) -> bool {
     !text.contains(|c: char| c.is_control() || matches!(c, '\u{2028}' | '\u{2029}'))
@@ -271,7 +271,7 @@ pub fn schema_name(name: &str) -> String {
     name.replace('.', "_")
 }
 
-/// Returns `true` if a text is a name, or a part of one before or after a dot.
+/// Returns `true` if a text is a name, or the part of a name before or after a dot.
 #[must_use]
 pub fn is_name(text: &str) -> bool {
     let is_first = |c: char| c.is_ascii_alphabetic() || c == '_';
@@ -283,7 +283,7 @@ fn beginning(text: &str) -> String {
     text.chars().take(80).collect()
 }
 
-/// Describes the first difference between the columns of a hello and of its description: number, name or unit.
+/// Describes the first difference in number, name or unit between the columns of a hello and of its description.
 #[must_use]
 pub fn difference(what: &str, actual: &[Field], described: &[Field]) -> Option<String> {
     if actual.len() != described.len() {
@@ -307,7 +307,7 @@ pub fn difference(what: &str, actual: &[Field], described: &[Field]) -> Option<S
     ))
 }
 
-/// Hash that guards a link: kind, name and unit of every signal of both directions, in order.
+/// Computes the hash that guards a link: kind, name and unit of every signal of both directions, in order.
 #[must_use]
 pub fn layout_hash(sample: &SignalTable, command: &SignalTable) -> u64 {
     let mut hash = Xxh3Default::new();

@@ -2,7 +2,7 @@
 //!
 //! One step, and where its parts live:
 //!
-//! 1. A plant's signals are a [`mod@table`]; its parameters and faults stand in its [`describe`] answer.
+//! 1. A plant's signals are a [`mod@table`]; its [`describe`] answer lists its parameters and faults.
 //! 2. Before step 0 both sides exchange a [`hello`] and agree on a [`layout`].
 //! 3. The [`pacer`] releases step `k` of [`time`].
 //! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. The [`lockstep`] machines
@@ -20,12 +20,12 @@
 //! - Names and numbers: [`spelling`] maps foreign names, such as `der(x)`, to valid ones. [`units`] parses units and
 //!   converts between those of one dimension. A [`connection`] binds a law's signal to a plant's signal of another name
 //!   and unit. [`number`] formats numbers with their units, and [`text`] makes foreign text safe to display.
-//! - Mistakes: [`ignored`] counts rejected messages of peers. A [`failure`] ends a plant or a law that is not written
+//! - Failures: [`ignored`] counts rejected messages of peers. A [`failure`] ends a plant or a law that is not written
 //!   in Rust.
-//! - Tests: [`conformance`](mod@conformance) checks further implementations of links and record streams.
+//! - Tests: [`conformance`](mod@conformance) checks new implementations of links and record streams.
 //!
-//! No model, law, scenario or recording file is known here, and nothing here calls the operating system for more than a
-//! file: sessions, processes, clocks, waits and shared memory are in `hil-session`.
+//! Models, laws, scenarios and recording files are unknown here, and nothing here calls the operating system except to
+//! read and write files: sessions, processes, clocks, waits and shared memory are in `hil-session`.
 
 extern crate self as shared_types; // the names that `table!` writes must hold in here too
 

@@ -1,7 +1,7 @@
 //! Requests to a running plant from another terminal, and their responses.
 //!
-//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. One line of
-//! JSON each way. The loop only reads one atomic.
+//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. Each request
+//! and response is one line of JSON. The loop only reads one atomic.
 
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +41,7 @@ pub enum Request {
         /// Number of steps, at least 1.
         steps: u64,
     },
-    /// Requests the newest record.
+    /// Requests the latest record.
     Record,
     /// Adds a note at the next step.
     Mark {
@@ -50,7 +50,7 @@ pub enum Request {
     },
     /// Changes values at one step, all or none.
     Set(ChangeRequest),
-    /// Lists everything that can be changed during the run, with its value.
+    /// Lists everything that can be changed during the run, with its current value.
     Tunable,
 }
 
@@ -66,10 +66,10 @@ pub struct ChangeRequest {
     /// Reference signals that return to their stimulus: `reference.position_m`.
     #[serde(default)]
     pub clear: Vec<String>,
-    /// Simulated time in s at or after which the change begins; `None` means the next step.
+    /// Simulated time in s at or after which the change begins; `None` means at the next step.
     #[serde(default)]
     pub at_s: Option<f64>,
-    /// Duration in s of the ramp from the current values; `None` means a step change.
+    /// Duration in s of the ramp from the current values; `None` means an immediate change.
     #[serde(default)]
     pub ramp_s: Option<f64>,
 }
@@ -98,7 +98,7 @@ pub enum Response {
     Cleared {
         /// Numbers of the faults.
         ids: Vec<u32>,
-        /// First step without them.
+        /// First step without the faults.
         step: u64,
     },
     /// Faults of the run.
@@ -112,7 +112,7 @@ pub enum Response {
     Possible(Box<Possible>),
     /// Status of the run.
     Status(Status),
-    /// The newest record.
+    /// The latest record.
     Record {
         /// Layout of the record.
         layout: Box<RecordLayout>,
@@ -144,7 +144,7 @@ pub struct Injected {
     pub id: u32,
     /// Kind of the fault.
     pub kind: String,
-    /// Step at which it takes effect; `None` while that depends on the run.
+    /// Step at which the fault takes effect; `None` while that depends on the run.
     pub effective_step: Option<u64>,
     /// Simulated time of that step in s.
     pub effective_at_s: Option<f64>,
@@ -174,7 +174,7 @@ pub struct FaultState {
 pub struct Changed {
     /// Number of the change in the run, from 1; those of the scenario come first.
     pub id: u32,
-    /// Step at which it takes effect.
+    /// Step at which the change takes effect.
     pub step: u64,
     /// Simulated time of that step in s.
     pub at_s: f64,
@@ -195,7 +195,7 @@ pub struct Tunables {
     pub values: Vec<Tunable>,
     /// Accepted changes that have not begun, in the order in which they will begin.
     pub waiting: Vec<Changed>,
-    /// Sentence on the active law's behaviour when a parameter changes; empty without a tunable law.
+    /// Sentence on the active law's behaviour when a parameter changes; empty if the law has no tunable parameters.
     pub law_does: String,
     /// Number of further changes that the run accepts.
     pub left: u32,
@@ -239,13 +239,13 @@ pub struct Tunable {
     /// stimulus.
     #[serde(with = "number")]
     pub target: f64,
-    /// Value without any change; for a reference signal, that of its stimulus at the next step.
+    /// Value without any change: for a reference signal, the value of its stimulus at the next step.
     #[serde(with = "number")]
     pub original: f64,
     /// First step at which the current ramp has reached its target.
     #[serde(default)]
     pub until_step: Option<u64>,
-    /// `true` while a change acts on it; a reference signal then does not follow its stimulus.
+    /// `true` while a change acts on the value; a reference signal then does not follow its stimulus.
     pub is_changed: bool,
 }
 

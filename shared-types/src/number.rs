@@ -1,8 +1,8 @@
 //! Numbers in human-readable form, with their units.
 //!
 //! Every message, table, report and reference page formats its numbers here: with [`exact`] where a user's number is
-//! repeated or must be copied, with [`short`] for display. Durations measured by the computer, which range from ns to
-//! s, have units of their own.
+//! repeated or must be copied, with [`short`] for display. Measured durations, which range from ns to s, have units of
+//! their own.
 
 /// Formats a number exactly, to the last bit: `0.1`, `80`, `2.8e7`, `inf`, `nan`.
 #[must_use]
@@ -36,7 +36,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Formats a count, `1 record` or `2 records`; `thing` is a noun whose plural ends in s.
+/// Formats a count, as in `1 record` or `2 records`; `thing` is a noun whose plural ends in s.
 #[must_use]
 pub fn counted(count: u64, thing: &str) -> String {
     let s = if count == 1 { "" } else { "s" };
@@ -62,7 +62,7 @@ fn with_unit(number: String, unit: &str) -> String {
     }
 }
 
-/// Returns a unit as displayed after a number: empty for a dimensionless one.
+/// Returns a unit as displayed after a number: empty for `1`.
 #[must_use]
 pub fn unit_shown(unit: &str) -> &str {
     if unit == "1" { "" } else { unit }

@@ -70,7 +70,8 @@ impl From<Source> for Build {
 }
 
 impl Build {
-    /// Returns `true` if both were built from the same source: known commits without changes, and the same lock file.
+    /// Returns `true` if both programs were built from the same source: known commits without changes, and the same
+    /// lock file.
     #[must_use]
     pub fn is_of_source_of(&self, other: &Self) -> bool {
         let is_known = |commit: &String| !commit.split('+').any(|one| one == "unknown");

@@ -1,15 +1,15 @@
 //! The pacer: the start time of each step, the deadline of its command, and the fate of the grid when the plant falls
 //! behind.
 //!
-//! In lockstep a step begins at once. Otherwise it begins on a grid of the monotonic clock that is computed from the
-//! step number, so that no error accumulates. The engine passes the current time to the pacer, which never reads a
+//! In lockstep a step begins at once. Otherwise each step begins on a grid of the monotonic clock that is computed from
+//! the step number, so that no error accumulates. The engine passes the current time to the pacer, which never reads a
 //! clock.
 
 use serde::{Deserialize, Serialize};
 
 use crate::time::{Rate, Step};
 
-/// Policy for an overrun: a step that is due before the previous one is done.
+/// Policy for an overrun: a step that is due before the previous step is done.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OverrunPolicy {
@@ -17,7 +17,7 @@ pub enum OverrunPolicy {
     #[default]
     CatchUp,
     /// Keep the grid; the late step begins at the next grid point. Simulated time loses whole periods, and every step
-    /// has a full one.
+    /// gets a full period.
     Skip,
     /// Shift the grid: the late step begins at once, and simulated time loses the delay.
     Stretch,
@@ -50,13 +50,13 @@ pub struct Streaks {
     pub longest: u64,
     /// First step.
     pub first_step: Option<u64>,
-    /// Last step, and the length of the sequence that it ended.
+    /// Last step of a sequence, and the sequence's length up to that step.
     #[serde(skip)]
     last: Option<(u64, u64)>,
 }
 
 impl Streaks {
-    /// Counts a step at which the event occurred; steps come in order.
+    /// Counts a step at which the event occurred; the steps must be in order.
     pub fn note(&mut self, step: Step) {
         let before = match self.last {
             Some((last, before)) if last + 1 == step.0 => before + 1,
@@ -78,7 +78,7 @@ pub struct Pacer {
     policy: OverrunPolicy,
     /// `None` in lockstep.
     grid: Option<Grid>,
-    /// Next step, if its release time was already requested and its overrun handled.
+    /// Next step, if its release time was already requested and its overrun was handled.
     seen: Option<Step>,
     overruns: Streaks,
 }
@@ -158,7 +158,7 @@ impl Pacer {
         }
     }
 
-    /// Delays all further steps by the time for which the run was held.
+    /// Delays all further steps by the duration of the hold.
     pub const fn delay(&mut self, held_ns: u64) {
         if let Some(grid) = &mut self.grid {
             grid.start_ns += held_ns;
@@ -169,7 +169,7 @@ impl Pacer {
     /// previous step is done: a step that is already due is an overrun.
     ///
     /// # Errors
-    /// If it is an overrun and the policy is to end the run.
+    /// If the step is an overrun and the policy is to end the run.
     #[inline]
     pub fn release_ns(&mut self, step: Step, now_ns: u64) -> Result<u64, Overrun> {
         let Some(grid) = self.grid else {
@@ -201,7 +201,7 @@ impl Pacer {
         self.grid.map_or(0, |grid| grid.due_ns(self.rate, step))
     }
 
-    /// Returns the end of a share of a step's period; in lockstep never.
+    /// Returns the end of a given share of a step's period; never in lockstep.
     #[must_use]
     #[inline]
     pub fn deadline_ns(&self, step: Step, share: f64) -> u64 {

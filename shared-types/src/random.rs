@@ -1,6 +1,6 @@
-//! Random streams: one per consumer, keyed by the run's seed and the consumer's path.
+//! Random streams: one for each consumer, derived from the run's seed and the consumer's path.
 //!
-//! Adding a consumer does not change the numbers of another, and the numbers are the same on every machine.
+//! Adding a consumer does not change the numbers of another consumer, and the numbers are the same on every machine.
 
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;

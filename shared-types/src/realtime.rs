@@ -1,7 +1,7 @@
 //! Real-time settings of a loop: requested and granted.
 //!
-//! `hil-session` applies the settings and reads the granted values back from the system. Refusals end no run: they are
-//! listed in a [`Report`], which the launcher displays.
+//! `hil-session` applies the settings and reads the granted values back from the system. A refused setting does not end
+//! a run; refusals are listed in a [`Report`], which the launcher displays.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,9 +16,9 @@ pub const CONTROLLER_FILE: &str = "controller-realtime.json";
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Settings {
-    /// Only core that it may run on.
+    /// Only core on which the side may run.
     pub core: Option<u32>,
-    /// Only core that the other side may run on.
+    /// Only core on which the other side may run.
     pub peer_core: Option<u32>,
     /// `SCHED_FIFO` priority; 0 for ordinary scheduling.
     pub priority: u32,
@@ -54,8 +54,8 @@ impl<T: PartialEq> Granted<T> {
         }
     }
 
-    /// Returns the reason why less is in force than requested; `None` if `asked` is `unasked`, the value that means no
-    /// request.
+    /// Returns the reason why less is in force than requested; `None` if `asked` equals `unasked`, the value that means
+    /// no request.
     pub fn refusal(&self, unasked: &T) -> Option<&str> {
         let reason = self.reason.as_deref()?;
         (self.asked != *unasked).then_some(reason)
@@ -65,7 +65,7 @@ impl<T: PartialEq> Granted<T> {
 /// Settings in force for one side's loop.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Report {
-    /// Only core that it may run on; null for several.
+    /// Only core on which the side may run; null if there are several.
     pub core: Granted<Option<u32>>,
     /// `SCHED_FIFO` priority; 0 for ordinary scheduling.
     pub priority: Granted<u32>,
@@ -75,10 +75,10 @@ pub struct Report {
     pub prefault: Granted<bool>,
     /// Strategy for waiting.
     pub wait: Granted<WaitStrategy>,
-    /// Timer slack of the loop's thread, that is the delay that its timers may have, in ns. 1 is always requested. The
+    /// Timer slack of the loop's thread in ns: the delay that its timers may have. The requested value is always 1. The
     /// kernel reports 0 for `SCHED_FIFO`.
     pub timer_slack_ns: u64,
-    /// `true` if both sides share one core. Only the process itself needs it.
+    /// `true` if both sides share one core. Only used within the process.
     #[serde(skip)]
     pub shares_core: bool,
 }

@@ -1,8 +1,8 @@
 //! The record: everything about one step, as one row of 64-bit words.
 //!
-//! The plant publishes a record after each step; recorder, digest, metrics and viewers use records and the
-//! [`RecordLayout`] and nothing else. The first part is identical in every repetition of a run and is covered by the
-//! [digest](crate::digest); the second part is measured time.
+//! The plant publishes a record after each step; recorder, digest, metrics and viewers use only records and the
+//! [`RecordLayout`]. The first part is identical in every repetition of a run and is covered by the
+//! [digest](crate::digest); the second part consists of measured times.
 //!
 //! | words | content |
 //! |---|---|
@@ -14,8 +14,8 @@
 //! | 14 | [`Timing`], outside the digest |
 //!
 //! `measured` and `reference` are the values that the controller received, including faults of signals and link;
-//! `sensed` and `stimulus` are the same signals before any fault. `command` is as sent by the controller, `applied` as
-//! used by the plant. `parameter` are the effective values of the plant's faultable parameters.
+//! `sensed` and `stimulus` are the same signals before any fault. `command` is as sent by the controller, and `applied`
+//! as used by the plant. `parameter` holds the effective values of the plant's faultable parameters.
 
 mod event;
 
@@ -52,11 +52,11 @@ pub const GROUPS: [&str; 9] = [
     "parameter",
 ];
 
-/// Number of signal groups that the digest covers; the others follow from them and the scenario, and show the values
-/// without faults.
+/// Number of signal groups that the digest covers; the other groups follow from them and the scenario, and show the
+/// values without faults.
 pub const HASHED_GROUPS: usize = 6;
 
-/// Layout of a record: the signals that it holds.
+/// Layout of a record: its signals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct RecordLayout {
     /// True state of the plant at the step.
@@ -94,8 +94,8 @@ pub struct Timing {
     pub command_age_steps: u64,
     /// Monotonic clock at publication, in ns.
     pub published_ns: u64,
-    /// Time from sending the sample to receiving its command, in ns; for a late command, from its sample's due time,
-    /// recorded at the step of its arrival; 0 without a command.
+    /// Time from sending the sample to receiving its command, in ns. For a late command, the time is counted from the
+    /// due time of its sample and recorded at the step of its arrival. 0 without a command.
     pub round_trip_ns: u64,
     /// The controller's share of the round trip, in ns of its own clock.
     pub controller_ns: u64,
@@ -103,7 +103,7 @@ pub struct Timing {
     pub plant_ns: u64,
     /// Delay of the sample beyond its due time, in ns; 0 in lockstep.
     pub late_ns: u64,
-    /// Steps since the one for which the applied command was sent: 0 unless this step's command was missed.
+    /// Steps since the step for which the applied command was sent: 0 unless the command of this step was missed.
     pub held_steps: u64,
     /// Samples that were answered before the applied command ([`Answered`](crate::directive::Answered)).
     pub answered: u64,
@@ -139,7 +139,7 @@ impl Timing {
     /// Returns `true` for the record after the last step, which has neither sample nor command.
     ///
     /// Every other record has the round trip of its command, or holds an older command, or belongs to the step at which
-    /// a plant without a controller applies the safe command, which no controller sent.
+    /// a plant without a controller applies its safe command.
     #[must_use]
     pub const fn is_final(&self) -> bool {
         self.round_trip_ns == 0 && self.held_steps == 0 && self.epoch > 0
@@ -167,7 +167,8 @@ impl RecordLayout {
         }
     }
 
-    /// Describes the first difference of a layout received at hello from this one, which follows from the description.
+    /// Describes the first difference between this layout, which follows from the description, and one received at
+    /// hello.
     #[must_use]
     pub fn difference(&self, other: &Self) -> Option<String> {
         let both = [
@@ -224,14 +225,14 @@ impl RecordLayout {
         validity_words(self.command_signals)
     }
 
-    /// Returns the number of signals.
+    /// Returns the number of signal values.
     #[must_use]
     #[inline]
     pub fn values(&self) -> usize {
         self.groups().iter().map(|group| group.len()).sum()
     }
 
-    /// Returns the word at which the signals begin.
+    /// Returns the index of the first word with a signal.
     #[must_use]
     #[inline]
     pub fn values_start(&self) -> usize {
@@ -298,12 +299,11 @@ fn validity_words(signals: usize) -> usize {
     signals.div_ceil(64).clamp(1, VALIDITY_WORDS)
 }
 
-/// Bits of a record that mark signals as invalid: signals that did not arrive, so that their value is an older one or
-/// none at all.
+/// Bits of a record that mark signals as invalid: a signal that did not arrive has an older value or none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Validity {
     bits: Vec<Bit>,
-    /// Range of words that contain such bits.
+    /// Range of words that contain these bits.
     words: Range<usize>,
 }
 
@@ -315,8 +315,8 @@ struct Bit {
 }
 
 impl Validity {
-    /// Collects for each signal the word of a record from which its bit is counted, the bit, and the index of the
-    /// signal's value among the checked ones.
+    /// Collects for each signal the position of its validity bit (word and bit) and the index of its value among the
+    /// checked ones.
     pub fn new(bits: impl Iterator<Item = (usize, usize, usize)>) -> Self {
         let bits: Vec<Bit> = bits
             .map(|(first, bit, value)| Bit {
@@ -332,7 +332,7 @@ impl Validity {
         }
     }
 
-    /// Returns the indices of the signals that a record marks as invalid; nearly always none.
+    /// Returns the indices of the signals that a record marks as invalid; usually empty.
     ///
     /// # Panics
     /// If the record is too short for the validity words.

@@ -1,4 +1,4 @@
-//! Sides of a run: one plant and one controller, normally a process each.
+//! Sides of a run: one plant and one controller, normally in a process each.
 //!
 //! Used wherever the two must be distinguished: links, checkpoints, manual starts, timing faults. A mere label; the
 //! [lockstep machines](crate::lockstep) implement the sides.

@@ -13,8 +13,8 @@
 //! | `'a name'`, a whole name or the part after a dot | `q__a__name` |
 //! | any other character | `__uHEX_`, its Unicode number: `a-b` is `a__u2d_b` |
 //!
-//! If the name in this form would be read back as another text, every character that is not plain is written as
-//! `__uHEX_` instead. No two texts share a name, since [`foreign`] reads each name back.
+//! A name in this form that would be read back as another text is written with `__uHEX_` for every character that is
+//! not plain. No two texts share a name, because [`foreign`] reads each name back.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -41,7 +41,7 @@ pub enum Unspellable {
     Long {
         /// Beginning of the foreign name.
         begin: String,
-        /// Length of its spelling.
+        /// Length of the spelling.
         bytes: usize,
     },
     /// Two names that coincide in a recording, whose schema has `_` for each dot.
@@ -59,7 +59,7 @@ pub enum Unspellable {
 /// Spells a foreign name as a valid signal name.
 ///
 /// # Errors
-/// If the spelling would be too long.
+/// If the spelling is too long.
 pub fn spelled(foreign: &str) -> Result<String, Unspellable> {
     let readable = readable(foreign);
     let name = if is_legal(&readable) && read(&readable) == foreign {
@@ -79,7 +79,7 @@ pub fn spelled(foreign: &str) -> Result<String, Unspellable> {
 /// Spells the names of one table, each independently.
 ///
 /// # Errors
-/// If a name would be too long, is a duplicate, or coincides with another in a recording.
+/// If a name is too long, is a duplicate, or coincides with another name in a recording.
 pub fn spelled_all<S: AsRef<str>>(foreign: &[S]) -> Result<Vec<String>, Unspellable> {
     let mut columns: BTreeMap<String, &str> = BTreeMap::new();
     let mut names = Vec::with_capacity(foreign.len());
@@ -101,7 +101,7 @@ pub fn foreign(name: &str) -> Option<String> {
     (spelled(&text).as_deref() == Ok(name)).then_some(text)
 }
 
-/// Returns the short form, which is not always read back as the same text.
+/// Returns the short form, which may be read back as another text.
 fn readable(foreign: &str) -> String {
     let (mut inner, mut order) = (foreign, 0);
     while let Some(rest) = (inner.strip_prefix("der(")).and_then(|rest| rest.strip_suffix(')')) {
@@ -151,8 +151,8 @@ fn is_index(text: &str) -> bool {
     digits && (text == "0" || !text.starts_with('0'))
 }
 
-/// Returns the long form, which is always read back as the same text: letters, digits, and dots and `_` between them
-/// stay; everything else is written by number.
+/// Returns the long form, which is always read back as the same text: letters, digits, and the dots and `_` between
+/// them remain; every other character is written by number.
 fn plain(foreign: &str) -> String {
     if foreign.is_empty() {
         return EMPTY.into();

@@ -2,7 +2,7 @@
 //!
 //! A model declares its state once, with [`StateOf`]; engine and runner save and restore it as opaque bytes. The format
 //! is postcard's: every number keeps its bits, including those of a NaN. The bytes are not self-describing: only the
-//! binary that wrote them can read them, which the launcher ensures. An ordinary step calls nothing here.
+//! binary that wrote them can read them, which the launcher ensures. An ordinary step makes no calls here.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -18,7 +18,7 @@ impl State {
     /// Serialises a value.
     ///
     /// # Errors
-    /// If the value has no such form, for example a sequence of unknown length.
+    /// If the value cannot be serialised, for example a sequence of unknown length.
     pub fn of<T: Serialize>(value: &T) -> Result<Self, Invalid> {
         let bytes = postcard::to_allocvec(value);
         (bytes.map(Self)).map_err(|error| Invalid(format!("the state cannot be written: {error}")))
@@ -27,7 +27,7 @@ impl State {
     /// Deserialises a value from all of the bytes.
     ///
     /// # Errors
-    /// If they are not such a value.
+    /// If the bytes do not represent such a value.
     pub fn read<T: DeserializeOwned>(&self) -> Result<T, Invalid> {
         let (value, rest) = postcard::take_from_bytes(&self.0)
             .map_err(|error| Invalid(format!("the state cannot be read: {error}")))?;
@@ -58,8 +58,8 @@ type Restore<T> = Box<dyn Fn(&mut T, &State) -> Result<(), Invalid>>;
 /// State of a `T`: the part of the `T` that is saved, and the way to restore it.
 ///
 /// State is everything that the next step depends on and that follows neither from the parameters nor from the step
-/// number. A value that follows from parameters is not state: before its state is restored, a `T` was started with the
-/// parameters and received those that faults have moved.
+/// number. A value that follows from parameters is not state: before its state is restored, a `T` is started with the
+/// parameters and receives those that faults have changed.
 ///
 /// ```
 /// use shared_types::state::StateOf;
@@ -123,7 +123,7 @@ impl<T: 'static> StateOf<T> {
     /// Restores a state.
     ///
     /// # Errors
-    /// If it is not a state of this `T` with these parameters.
+    /// If the bytes are not a state of this `T` with these parameters.
     pub fn restore(&self, whole: &mut T, state: &State) -> Result<(), Invalid> {
         (self.restore)(whole, state)
     }

@@ -24,7 +24,7 @@ pub struct Field {
     /// Name ending in its unit, for example `surface_angle_rad`; the name of a group's field is prefixed with the
     /// group, for example `actuator1.piston_mass_kg`.
     pub name: String,
-    /// Aliases of the same variable, valid wherever a name is written; tables and recordings use [`name`](Self::name)
+    /// Aliases of the same variable, valid wherever a name is accepted; tables and recordings use [`name`](Self::name)
     /// only.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
@@ -48,13 +48,13 @@ pub struct Field {
     /// `true` if a fault may change the value during a run.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub faultable: bool,
-    /// `true` if the value may be changed during a run; parameters of a plant may be open to faults as well.
+    /// `true` if the value may be changed during a run; parameters of a plant may also be open to faults.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub tunable: bool,
-    /// `true` if the value is a difference, for example of two temperatures: units convert it without their offsets.
+    /// `true` if the value is a difference, for example of two temperatures: unit conversion then ignores offsets.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_difference: bool,
-    /// True if the value is one of a few, as of an enumeration or a truth: noise has no meaning there.
+    /// `true` if the value is one of a few, as in an enumeration or a Boolean: noise has no meaning for such a value.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_discrete: bool,
 }
@@ -85,7 +85,7 @@ impl Field {
             .map(String::as_str)
     }
 
-    /// Returns `true` if this is the name or an alias.
+    /// Returns `true` if this is the name or an alias of the column.
     #[must_use]
     pub fn is_called(&self, name: &str) -> bool {
         self.names().any(|one| one == name)
@@ -164,8 +164,8 @@ pub trait Table:
 /// assert_eq!(Parameters::fields()[1].name, "stiffness_n_per_m");
 /// ```
 ///
-/// A group of tables has types in place of units; its columns are prefixed with the group's name, and a default other
-/// than the type's follows `=`:
+/// A group of tables has types in place of units. Its columns are prefixed with the group's name, and a default that
+/// differs from the type's default follows `=`:
 ///
 /// ```
 /// # shared_types::table! { /// One.
@@ -378,7 +378,7 @@ macro_rules! table {
     };
 }
 
-/// Table in which every row has a default, so that a scenario need not set it.
+/// Table in which every row has a default, so that a scenario can omit it.
 #[diagnostic::on_unimplemented(
     message = "`{Self}` is not a table of parameters: a parameter needs a default",
     label = "a row of it has no default",
@@ -386,7 +386,7 @@ macro_rules! table {
 )]
 pub trait Parameters: Table + Default {}
 
-/// Appends a group's columns, prefixed with the group's name and with the group's own defaults.
+/// Appends a group's columns, with the group's name as prefix and with the group's own defaults.
 #[doc(hidden)]
 pub fn push_group<T: Table>(fields: &mut Vec<Field>, group: &str, defaults: &T) {
     for (field, &default) in T::fields().into_iter().zip(defaults.row()) {

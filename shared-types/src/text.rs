@@ -1,8 +1,8 @@
 //! Foreign text, made safe to display.
 //!
 //! Text from a plant, a controller or a file may contain control sequences that a terminal executes: they could clear
-//! the screen, overwrite a verdict, fill the clipboard. Everything decoded from such sources passes through here;
-//! [`record`](crate::record) ensures it by its types.
+//! the screen, overwrite a verdict or fill the clipboard. Everything decoded from such sources passes through here; the
+//! types of [`record`](crate::record) ensure this.
 
 use std::borrow::Cow;
 
@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer};
 /// Maximum length of a [`line()`], in characters.
 const LONGEST_LINE: usize = 4000;
 
-/// Returns `true` if a terminal executes a character instead of displaying it, except line ends and tabs.
+/// Returns `true` if a terminal executes a character instead of displaying it. Line ends and tabs do not count.
 #[must_use]
 pub fn is_unprintable(c: char) -> bool {
     c.is_control() && !matches!(c, '\n' | '\t')
@@ -68,7 +68,7 @@ pub fn lines_of<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<String>, D::Er
 /// Deserialises an optional text as a [`line()`].
 ///
 /// # Errors
-/// If the value is anything else.
+/// If the value is neither a text nor null.
 pub fn line_if_any<'de, D: Deserializer<'de>>(from: D) -> Result<Option<String>, D::Error> {
     let text = Option::<String>::deserialize(from)?;
     Ok(text.map(|text| line(&text)))

@@ -1,16 +1,16 @@
 //! Statistics of a working thread: its core, its context switches, its page faults.
 //!
-//! Samples, commands and records carry the latest statistics as one word, called `surroundings` there. Nothing here
-//! samples a thread: `hil-session` does.
+//! Samples, commands and records carry the latest statistics as one word, called `surroundings` there. Threads are
+//! sampled in `hil-session`, never here.
 
 const COUNT_BITS: u32 = 24;
-/// Counts that fit a word; they begin anew beyond.
+/// Number of values of a count in a word; a count wraps around at this number.
 const COUNT: u64 = (1 << COUNT_BITS) - 1;
 
 /// Statistics of a thread, from one sample. The counts wrap around at 2^24.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ThreadStatistics {
-    /// Core that the thread ran on.
+    /// Core on which the thread ran.
     pub core: u16,
     /// Context switches of the thread so far, voluntary and involuntary.
     pub switches: u32,

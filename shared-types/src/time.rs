@@ -84,8 +84,8 @@ impl Rate {
         }
     }
 
-    /// Returns the first step whose time is not before `at_s`, saturating at 0 for negative times and at the largest
-    /// step for times beyond it.
+    /// Returns the first step whose time is not before `at_s`. Negative times give step 0, and times beyond the largest
+    /// step give that step.
     #[must_use]
     pub fn step_at_or_after(self, at_s: f64) -> Step {
         if at_s > self.seconds(Step(u64::MAX)) {
@@ -138,11 +138,11 @@ impl From<Rate> for f64 {
 /// Exchange interval, from one step to the next, as seen by an integrator.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
-    /// Simulated time at its beginning in seconds.
+    /// Simulated time at the beginning of the interval in seconds.
     pub start_s: f64,
     /// Length of the interval in seconds.
     pub length_s: f64,
-    /// Number of equal integration steps inside it, at least 1.
+    /// Number of equal integration steps in the interval, at least 1.
     pub substeps: u32,
 }
 

@@ -2,9 +2,10 @@
 //! the law's values to the controller.
 //!
 //! The plant decides when a change begins. A message with the courses of all law parameters changed so far precedes the
-//! first sample that it applies to, and each sample carries the number of such messages so far
+//! first sample to which it applies, and each sample carries the number of such messages so far
 //! ([`Header::tuning`](crate::frame::Header::tuning)). The runner answers a sample only with the courses of that
-//! number, whichever of the two arrives first; if newer messages overtake one, only the samples between them are lost.
+//! number, whichever of the two arrives first; if a newer message replaces an unread one, only the samples between them
+//! are lost.
 
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +14,8 @@ use crate::time::Step;
 
 /// Course of a value.
 ///
-/// `from + (to - from) (k - begin) / steps` at step k of the ramp, `from` before and `to` after it. With zero steps, or
-/// if an end is infinite, it is `to` from its beginning on.
+/// `from + (to - from) (k - begin) / steps` at step k of the ramp, `from` before the ramp and `to` after it. With zero
+/// steps, or if `from` or `to` is infinite, the value is `to` from the first step on.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Course {
     /// Value before.
@@ -81,7 +82,7 @@ impl Course {
 pub struct Tuned {
     /// Number of the message in the run, from 1.
     pub number: u64,
-    /// Course of each parameter, by its index among the tunable ones of the hello.
+    /// Course of each parameter, by the parameter's index among the tunable ones in the hello.
     pub courses: Vec<(u32, Course)>,
 }
 

@@ -1,12 +1,13 @@
 //! Units as text, reduced to base units, and conversions between units of one dimension.
 //!
-//! `N.m`, `N m` and `kg m2/s2` are one unit in three texts, `mm` is m with a factor and `degC` is K with an offset.
-//! Called when a scenario is checked, never by a loop, which only has the [`Conversion`].
+//! `N.m`, `N m` and `kg m2/s2` are three spellings of one unit, `mm` is m with a factor, and `degC` is K with an
+//! offset.
+//! Called when a scenario is checked, never by a loop, which only uses the [`Conversion`].
 //!
 //! Base units are those of SI (BIPM, *The International System of Units*, 9th edition, tables 2 to 8), and rad, which
-//! is kept apart from 1: converting an angle into a plain number, or rad/s into Hz, would hide a factor of 2 pi. No
-//! crate fits: `uom` needs the units at compile time, `octofhir-ucum` uses the codes of UCUM, in which `degC` and `rpm`
-//! have other names, and `rink-core` is a calculator with a dictionary.
+//! is distinct from 1: converting an angle into a plain number, or rad/s into Hz, would hide a factor of 2 pi. No crate
+//! fits: `uom` needs the units at compile time, `octofhir-ucum` uses the codes of UCUM, in which `degC` and `rpm` have
+//! other names, and `rink-core` is a calculator with a dictionary.
 
 mod symbols;
 
@@ -28,8 +29,9 @@ const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
 /// A unit, reduced to base units.
 ///
-/// A value `x` in it is `(x + zero) * numerator / denominator * pi^(half_turns / 2)` in base units. Numerator and
-/// denominator are kept apart because both are whole for nearly every unit, so that a factor is rounded once.
+/// A value `x` in this unit is `(x + zero) * numerator / denominator * pi^(half_turns / 2)` in base units. Numerator
+/// and denominator are separate because both are whole numbers for nearly every unit, so that a factor is rounded only
+/// once.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Unit {
     /// Exponents of [`BASE`], in halves.
@@ -103,7 +105,7 @@ impl Unit {
     /// Parses a unit. The empty text is 1.
     ///
     /// # Errors
-    /// If the text is not a unit, or an unknown one.
+    /// If the text is not a unit, or names an unknown one.
     pub fn parse(text: &str) -> Result<Self, Unreadable> {
         if text.trim().is_empty() {
             return Ok(Self::ONE);
@@ -173,7 +175,7 @@ impl Unit {
         *self == one
     }
 
-    /// Returns `true` if the unit is a plain number or a fraction of one, such as 1 and %.
+    /// Returns `true` if the unit is a plain number or a fraction of 1, as are 1 and %.
     #[must_use]
     pub fn is_plain(&self) -> bool {
         self.halves == [0; 8]
@@ -197,13 +199,13 @@ impl Unit {
         }
     }
 
-    /// Lists the known symbols, each with every prefix that it takes.
+    /// Lists the known symbols, each with every prefix that it accepts.
     #[must_use]
     pub fn symbols() -> Vec<String> {
         symbols::all().collect()
     }
 
-    /// Returns the conversion of a value in this unit into another; `None` if their dimensions differ.
+    /// Returns the conversion from this unit into another; `None` if their dimensions differ.
     #[must_use]
     pub fn conversion_to(&self, other: &Self) -> Option<Conversion> {
         if self.halves != other.halves {

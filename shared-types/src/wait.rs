@@ -1,11 +1,11 @@
-//! Contract of a wait: its strategy, its limit, and where a waiter sleeps. No clock and no system call is used here; the
-//! waiter itself is in `hil-session`.
+//! Contract of a wait: its strategy, its limit, and the place where a waiter sleeps. Uses no clock and no system call;
+//! the waiter itself is in `hil-session`.
 
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Strategy between two polls. Affects timing and the share of other programs, never a result.
+/// Strategy between two polls. Affects timing and the processor time left to other programs, never a result.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum WaitStrategy {
@@ -36,7 +36,7 @@ impl WaitStrategy {
     }
 }
 
-/// Time that a live peer may take, `wait_limit` in scenarios and on the command line.
+/// Time allowed to a live peer: `wait_limit` in scenarios and on the command line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WaitLimit {
     ns: u64,
@@ -67,13 +67,13 @@ impl WaitLimit {
     }
 }
 
-/// Sleeper that the other side's send wakes.
+/// Sleeper that is woken when the other side sends.
 pub trait Sleeper: fmt::Debug {
     /// Announces a sleep: any later send ends the sleep or prevents it. An earlier send does not, so the waiter polls
     /// once more in between. Returns the argument for `sleep`.
     fn announce(&self) -> u32;
 
-    /// Sleeps until the other side sends, at most for `ns`; may wake spuriously.
+    /// Sleeps until the other side sends, for at most `ns`; may wake spuriously.
     fn sleep(&self, announced: u32, ns: u64);
 
     /// Cancels the announcement: this side is awake.

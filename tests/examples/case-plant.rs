@@ -1,5 +1,5 @@
-//! A plant process with plants that behave until they are to run many cases. Not a program of the workspace: the
-//! tests of campaigns give it to `hil campaign plan --plant-bin`.
+//! A plant process with plants that behave until they have to run many cases. Not a program of the workspace: the tests
+//! of campaigns give it to `hil campaign plan --plant-bin`.
 
 #[macro_use]
 #[path = "../shared/plant.rs"]
@@ -16,7 +16,7 @@ use shared_types::table;
 
 use position_and_force::{Force, Position};
 
-/// Position at which a plant dies.
+/// Position at which a plant exits.
 const DEADLY_M: f64 = 3.0;
 
 /// Starts of the plant in this process.
@@ -92,7 +92,7 @@ spoiler!(
     die_if_told
 );
 
-/// Dies in one case, once for each line of a file, if there is one.
+/// Exits in one case, once for each line of a file, if there is one.
 fn die_if_told(position_m: f64) {
     let file = std::env::var_os("CASE_PLANT_DIES").filter(|_| position_m == DEADLY_M);
     let told = file.and_then(|file| Some((std::fs::read_to_string(&file).ok()?, file)));

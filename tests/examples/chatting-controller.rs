@@ -1,5 +1,5 @@
-//! A controller process that answers a hundred samples and then never falls silent, nor gets on. Not a
-//! program of the workspace: tests give it to `hil` as `--controller-bin`.
+//! A controller process that answers a hundred samples and then keeps sending without making progress. Not a program of
+//! the workspace: tests give it to `hil` as `--controller-bin`.
 //!
 //! | law | at every look, from its hundredth sample on |
 //! |---|---|
@@ -35,7 +35,7 @@ use shared_types::wait::WaitLimit;
 
 use position_and_force::{Force, Position};
 
-/// Samples that are answered.
+/// Number of answered samples.
 const ANSWERED: u64 = 100;
 /// The command.
 const FORCE_N: f64 = 0.5;
@@ -59,7 +59,7 @@ enum Habit {
     Greets,
 }
 
-/// A link that says more than it is asked to.
+/// A link that sends more than it is asked to.
 struct Chatting {
     inner: IceoryxLink,
     habit: Habit,

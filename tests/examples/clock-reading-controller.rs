@@ -1,8 +1,8 @@
-//! A controller process with laws that depend on more than their samples. Not a program of the
-//! workspace: the tests of `hil run --audit` give it to `--controller-bin`.
+//! A controller process with laws that depend on more than their samples. Not a program of the workspace: the tests of
+//! `hil run --audit` give it to `--controller-bin`.
 //!
-//! Each makes a mistake that people make: a derivative over the time of the wall clock, a number of
-//! workers after the number of cores, a state that lacks a field, and, to show that neither comes from this program, none.
+//! Each law contains a common mistake: a derivative over wall-clock time, a number of workers taken from the number of
+//! cores, a state that lacks a field. One law has none, to show that the program itself is not the cause.
 
 #[macro_use]
 #[path = "../shared/law.rs"]
@@ -18,7 +18,7 @@ use shared_types::state::StateOf;
 
 use position_and_force::{Force, Position};
 
-/// Force in N of a spring to the middle and a damper.
+/// Returns the force in N of a spring towards the middle and a damper.
 fn force_n(position_m: f64, velocity_mps: f64) -> f64 {
     -50.0 * (position_m - 0.01) - 2.0 * velocity_mps
 }

@@ -1,4 +1,4 @@
-//! A plant process with the mass on a spring under names and units that no law of ours knows. Not a program of the
+//! A plant process with the mass on a spring under names and units that no shipped law knows. Not a program of the
 //! workspace: tests of `[[connect]]` run it.
 
 #![expect(non_snake_case, reason = "the spelling of a foreign name")]
@@ -13,7 +13,7 @@ use shared_types::table;
 use shared_types::time::Interval;
 
 table! {
-    /// Parameters of the plants, in units of SI.
+    /// Parameters of the plants, in SI units.
     struct Parameters {
         /// Mass m.
         mass_kg: "kg" = 1.0 in 1e-6..=1e9,
@@ -24,7 +24,8 @@ table! {
     }
 }
 
-/// `x'' = (F - c x' - k x) / m` for lengths of which `per_m` are a metre and forces of which `per_n` are a newton.
+/// Computes `x'' = (F - c x' - k x) / m` in a unit of length of which a metre has `per_m`, and a unit of force of which
+/// a newton has `per_n`.
 fn acceleration(p: &Parameters, [per_m, per_n]: [f64; 2], force: f64, [x, v]: [f64; 2]) -> f64 {
     let (c, k, m) = (p.damping_n_s_per_m, p.stiffness_n_per_m, p.mass_kg);
     (force / per_n - c * (v / per_m) - k * (x / per_m)) / m * per_m

@@ -1,7 +1,7 @@
-//! A plant process with one plant for each lie about its own run. Not a program of the workspace: the tests
-//! of lies give it to `hil run --plant-bin`.
+//! A plant process with one plant for each false statement about its own run. Not a program of the workspace: the tests
+//! of false statements give it to `hil run --plant-bin`.
 //!
-//! The run itself is that of every plant; what it says in the record stream is not.
+//! The run itself is correct; only the record stream is false.
 
 #[macro_use]
 #[path = "../shared/plant.rs"]
@@ -39,7 +39,7 @@ use shared_types::wait::WaitLimit;
 
 use position_and_force::{Force, Position};
 
-/// The step of the record that a lie is about.
+/// Step whose record is false.
 const WHEN: u64 = 500;
 /// Number of a fault that does not exist.
 const MADE_UP: u32 = 7;
@@ -57,7 +57,7 @@ plant!(
     |_| {}
 );
 
-/// The lies, which are names of plants too.
+/// The false statements, which are also names of plants.
 const LIES: [&str; 20] = [
     "honest",
     // Of steps that there are.
@@ -86,7 +86,7 @@ const LIES: [&str; 20] = [
     "misnames",
 ];
 
-/// A record stream that says something else than it is told.
+/// A record stream that publishes something else than the engine passes to it.
 struct LyingSink {
     sink: IceoryxSink,
     lie: String,
@@ -228,7 +228,7 @@ fn made_up() -> FaultEffectSize {
     }
 }
 
-/// Publishes all records and the end of a run that no controller had a part in.
+/// Publishes all records and the end of a run without a controller.
 fn alone(mut sink: LyingSink, job: &Job, lost_at: u64) -> Result<(), LinkError> {
     let plant = PlantKind::of::<Still>().description;
     let command = SignalTable::of(SignalKind::Command, &plant.commands);

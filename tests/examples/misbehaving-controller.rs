@@ -1,5 +1,5 @@
-//! A controller process with one law for each way to spoil a run. Not a program of the workspace: the
-//! tests of failures give it to `hil run --controller-bin`.
+//! A controller process with one law for each way to break a run. Not a program of the workspace: the tests of failures
+//! give it to `hil run --controller-bin`.
 
 #[macro_use]
 #[path = "../shared/law.rs"]
@@ -20,7 +20,7 @@ use position_and_force::{Force, Position};
 
 /// The sample at which a law misbehaves.
 const WHEN: u64 = 100;
-/// Command of every law before.
+/// Command of every law before that sample.
 const BEFORE_N: f64 = 0.5;
 
 table! {
@@ -92,8 +92,8 @@ spoiler!(ForksAndDies, "forks-and-dies", Position, || {
 });
 spoiler!(Moons, "moons", Missing, || 0.0);
 
-/// Starts two processes that never end by themselves, one of them in a session of its own and without a
-/// parent. Both name this process's session in their arguments.
+/// Starts two processes that never end by themselves, one of them in a session of its own and without a parent. Both
+/// have this process's session in their arguments.
 fn leave_somebody() {
     static DONE: Once = Once::new();
     DONE.call_once(|| {
@@ -115,7 +115,7 @@ fn leave_somebody() {
 }
 
 table! {
-    /// Internals that a law shows.
+    /// Internals of a law.
     struct Inner {
         /// First position.
         first_m: "m",
@@ -124,7 +124,7 @@ table! {
     }
 }
 
-/// A law that shows something of itself.
+/// A law that records internals.
 struct Shows;
 
 impl Controller for Shows {
@@ -147,7 +147,7 @@ impl Controller for Shows {
     }
 }
 
-/// The same law under another name; what it says of itself changes as soon as nobody asks for it.
+/// The same law under another name; its description changes after the first request.
 fn two_faced(name: &str, change: fn(&mut LawDescription)) -> LawKind {
     let mut kind = LawKind::of::<Shows>();
     kind.description.name = name.into();

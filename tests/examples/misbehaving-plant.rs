@@ -1,5 +1,5 @@
-//! A plant process with one plant for each way to spoil a run. Not a program of the workspace: the tests
-//! of failures give it to `hil run --plant-bin`.
+//! A plant process with one plant for each way to break a run. Not a program of the workspace: the tests of failures
+//! give it to `hil run --plant-bin`.
 
 #[macro_use]
 #[path = "../shared/plant.rs"]
@@ -61,7 +61,7 @@ spoiler!(Hoards, "hoards", || {
     }
 });
 
-/// Writes a byte over all memory that this process shares, as a wild pointer in C can.
+/// Writes a byte over all shared memory of this process, as a wild pointer in C can.
 fn write_over_shared_memory(byte: u8) {
     let maps = std::fs::read_to_string("/proc/self/maps").expect("own memory");
     let memory = std::fs::File::options().write(true).open("/proc/self/mem");

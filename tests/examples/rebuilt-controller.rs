@@ -16,12 +16,12 @@ use controller_process::laws;
 use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
 
-/// The sample at which a law is another.
+/// Sample from which a law differs.
 const WHEN: u64 = 137;
-/// The plant of the simplest law.
+/// Plant of the simplest law.
 const SPRING_MASS: &str = "spring-mass";
 
-/// A law with something done to its answers.
+/// A law with modified answers.
 struct Changed {
     law: Box<dyn Law>,
     change: fn(sample: u64, command: &mut [f64], internals: &mut [f64]),
@@ -42,7 +42,7 @@ impl Law for Changed {
     }
 }
 
-/// The shipped law of a name, changed.
+/// Returns a shipped law by name, modified.
 fn changed(
     start: &Start<'_>,
     is_it: fn(&LawKind) -> bool,

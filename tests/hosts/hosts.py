@@ -33,7 +33,7 @@ OUTGOING = 4
 
 
 def fill_check_sums(interface):
-    """Has the kernel fill in check sums that it would leave to hardware: the wire is not hardware."""
+    """Has the kernel fill in checksums that it would leave to hardware: the wire is not hardware."""
     value = (ctypes.c_uint32 * 2)(ETHTOOL_STXCSUM, 0)
     request = struct.pack("16sP", interface.encode(), ctypes.addressof(value))
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
@@ -114,7 +114,7 @@ class Wire:
         return None
 
     def changed(self, frame):
-        """Inverts a bit of the content, and takes away the check sum of UDP, which would hide it from the other end."""
+        """Inverts a bit of the content, and takes away the checksum of UDP, which would hide it from the other end."""
         self.counts["changed"] += 1
         frame = bytearray(frame)
         content = 14 + 4 * (frame[14] & 15) + 8

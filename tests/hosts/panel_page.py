@@ -145,12 +145,12 @@ def controls(desk):
     page.fill("#p-bias", "-0.001")
     words = page.inner_text("#words")
     page.click("#inject button[type=submit]")
-    says(page, "fault 1 bias takes hold at step 2601")
+    says(page, "fault 1 bias takes effect at step 2601")
     page.fill("#p-bias", "lots")
     page.click("#inject button[type=submit]")
     says(page, "`lots` is not a number")
     page.click("#buttons button")
-    says(page, "fault 2 dropout takes hold at step 2601")
+    says(page, "fault 2 dropout takes effect at step 2601")
     page.click("#steps")
     page.wait_for_selector("#faults li[data-state=active]")
     marked = wait(page, "document.getElementById('log').textContent.includes('<b>felt & heard</b>')")
@@ -294,7 +294,7 @@ def keyboard(desk):
     press("y")
     press("1")
     press("y")
-    says(page, "fault 1 dropout takes hold")
+    says(page, "fault 1 dropout takes effect")
     press("f")
     # A list takes keys as one word only if they follow within a second, which a busy machine does not always manage.
     for _ in range(20):
@@ -311,7 +311,7 @@ def keyboard(desk):
         if page.evaluate("document.activeElement.textContent") == "Inject":
             break
     press("Enter")
-    says(page, "fault 2 stuck takes hold")
+    says(page, "fault 2 stuck takes effect")
     # Every control can be reached, in an order, and shows that it has the focus.
     page.evaluate("document.activeElement.blur()")
     reached, outlined = [], True
@@ -479,7 +479,7 @@ def several(desk):
     wait(other, "document.getElementById('time').textContent.includes('step 2501')")
     other.select_option("#kind", "dropout")
     other.click("#inject button[type=submit]")
-    says(other, "fault 1 dropout takes hold at step 2501")
+    says(other, "fault 1 dropout takes effect at step 2501")
     one.wait_for_selector("#faults li")
     other.fill("#mark", "from the other")
     other.keyboard.press("Enter")

@@ -1,18 +1,18 @@
-//! Faults of every kind, one each: the content of the scenarios for the tests of survival.
+//! One fault of every kind: the content of the scenarios for the tests of survival.
 
 use toml::{Table, Value};
 
 /// The laws of the hydraulic system.
 pub(crate) const LAWS: [&str; 3] = ["pid", "nrsc", "ftsc"];
 
-/// A fault without a time.
+/// A fault without its time.
 pub(crate) struct Fault {
     /// Kind.
     pub(crate) kind: String,
     table: Table,
 }
 
-/// The faults of `tests/scenarios/every-fault.toml`.
+/// Returns the faults of `tests/scenarios/every-fault.toml`.
 pub(crate) fn faults() -> Vec<Fault> {
     let text = include_str!("../scenarios/every-fault.toml");
     let table: Table = text.parse().expect("TOML");
@@ -25,7 +25,7 @@ pub(crate) fn faults() -> Vec<Fault> {
     list.iter().map(fault).collect()
 }
 
-/// A scenario with one fault more.
+/// Returns a scenario with one more fault.
 pub(crate) fn with_fault(scenario: &str, fault: &Fault, at_s: f64) -> String {
     let mut table: Table = scenario.parse().expect("TOML");
     let mut fault = fault.table.clone();

@@ -24,7 +24,7 @@ pub(crate) const REFERENCE: [(&str, u32, f64); 14] = [
     ("VanDerPol", 3, 100.0),
 ];
 
-/// Folder of the libraries for this machine.
+/// Returns the folder of the libraries for this machine.
 pub(crate) fn platform(version: u32) -> &'static str {
     match (version, cfg!(target_arch = "x86_64")) {
         (2, true) => "linux64",
@@ -33,18 +33,18 @@ pub(crate) fn platform(version: u32) -> &'static str {
     }
 }
 
-/// Checks for a C compiler.
+/// Returns true if a C compiler is available.
 pub(crate) fn has_compiler() -> bool {
     let asked = Command::new("cc").arg("--version").output();
     asked.is_ok_and(|output| output.status.success())
 }
 
-/// Compiles sources with these options into a library; gives its bytes.
+/// Compiles sources with these options into a library; returns its bytes.
 pub(crate) fn compiled(name: &str, sources: &[PathBuf], options: &[&str]) -> Vec<u8> {
     linked(name, sources, options, &["-lm"])
 }
 
-/// The same with other libraries than libm.
+/// Compiles the same, linked with other libraries than libm.
 pub(crate) fn linked(
     name: &str,
     sources: &[PathBuf],
@@ -77,7 +77,7 @@ fn tests() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A Reference-FMU, as entries of its archive.
+/// Returns a Reference-FMU, as entries of its archive.
 pub(crate) fn reference(model: &str, version: u32) -> Entries {
     let place = third_party();
     let source = |name: &str| place.join(name);
@@ -126,12 +126,12 @@ fn own(name: &str) -> Entries {
     entries(name, 3, description, &[])
 }
 
-/// An FMU of a source of `tests/fmus`, as entries of its archive.
+/// Returns an FMU built from a source of `tests/fmus`, as entries of its archive.
 pub(crate) fn entries(name: &str, version: u32, description: Vec<u8>, options: &[&str]) -> Entries {
     built(&[name], version, description, options)
 }
 
-/// The same for FMPy, which looks up every function of the standard.
+/// Returns the same entries for FMPy, which looks up every function of the standard.
 pub(crate) fn entries_for_fmpy(
     name: &str,
     version: u32,
@@ -153,10 +153,10 @@ fn built(names: &[&str], version: u32, description: Vec<u8>, options: &[&str]) -
     ]
 }
 
-/// An entry as an archive has it.
+/// An entry ready to be written into an archive.
 pub(crate) struct Packed {
     pub(crate) name: String,
-    /// Bytes of the packed content, and their method.
+    /// Packed content, and the method of compression.
     pub(crate) bytes: Vec<u8>,
     pub(crate) method: u8,
     pub(crate) crc: u32,
@@ -164,7 +164,7 @@ pub(crate) struct Packed {
 }
 
 impl Packed {
-    /// An entry that is stored as it is.
+    /// Packs an entry without compression.
     pub(crate) fn stored((name, content): &(String, Vec<u8>)) -> Self {
         Self {
             name: name.clone(),

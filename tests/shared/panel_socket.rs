@@ -1,4 +1,4 @@
-//! The connection of a panel's page without its browser.
+//! The connection of a panel's page without a browser.
 
 use std::net::TcpStream;
 
@@ -6,7 +6,7 @@ use tungstenite::WebSocket;
 use tungstenite::handshake::client::generate_key;
 use tungstenite::http::Request;
 
-/// Address and secret of a page.
+/// Returns the address and the secret of a page.
 pub(crate) fn parts(url: &str) -> (&str, &str) {
     let rest = url.strip_prefix("http://").expect("an address");
     rest.split_once("/#").expect("a secret")

@@ -1,4 +1,4 @@
-//! The smallest tables of signals, by which programs of tests fit the teaching plant and its laws.
+//! The smallest tables of signals, with which programs of tests fit the teaching plant and its laws.
 
 use shared_types::table;
 

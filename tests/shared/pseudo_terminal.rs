@@ -1,4 +1,4 @@
-//! A pseudo terminal: what holds it and what a program in it reads and writes.
+//! A pseudo terminal, and what a program in it reads and writes.
 
 use std::os::fd::{AsFd, OwnedFd};
 
@@ -6,7 +6,7 @@ use rustix::fs::{Mode, OFlags, open};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
 
-/// A terminal of some columns and rows: the end of whoever holds it, and the program's.
+/// Opens a terminal of some columns and rows; returns its outer end and the program's end.
 pub(crate) fn open_terminal(columns: u16, rows: u16) -> (OwnedFd, OwnedFd) {
     let holder =
         openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC).expect("a terminal");
@@ -19,7 +19,7 @@ pub(crate) fn open_terminal(columns: u16, rows: u16) -> (OwnedFd, OwnedFd) {
     (holder, program)
 }
 
-/// Makes it another size.
+/// Changes the size of a terminal.
 pub(crate) fn resize(terminal: &impl AsFd, columns: u16, rows: u16) {
     let size = Winsize {
         ws_row: rows,

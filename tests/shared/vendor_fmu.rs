@@ -13,7 +13,7 @@ pub(crate) const INPUTS: usize = 50;
 pub(crate) const OUTPUTS: usize = 100;
 /// Inner signals: states and their derivatives.
 pub(crate) const INNER: usize = 250;
-/// Bytes of its tables.
+/// Size of its tables in bytes.
 const TABLES: usize = 8 << 20;
 
 /// Causality of a variable.
@@ -25,10 +25,10 @@ pub(crate) enum Role {
     Inner,
 }
 
-/// A variable as the FMU has it.
+/// A variable of the FMU.
 pub(crate) struct Variable {
     pub(crate) name: String,
-    /// Name that it has here, by the table of `docs/fmu.md`.
+    /// Name of the variable in this project, by the table of `docs/fmu.md`.
     pub(crate) here: String,
     pub(crate) unit: &'static str,
     pub(crate) start: f64,
@@ -36,7 +36,7 @@ pub(crate) struct Variable {
     reference: usize,
 }
 
-/// All variables, in the order of the model description.
+/// Returns all variables, in the order of the model description.
 pub(crate) fn variables() -> Vec<Variable> {
     let mut all = Vec::new();
     let mut add = |role, begin: usize, place, (before, after): (&str, &str), unit, start| {
@@ -81,12 +81,12 @@ pub(crate) fn variables() -> Vec<Variable> {
     all
 }
 
-/// Start value of a parameter: a number with many digits, in 1/s.
+/// Returns the start value of a parameter: a number with many digits, in 1/s.
 pub(crate) fn rate(place: usize) -> f64 {
     1.0 + place as f64 / 300.0
 }
 
-/// The FMU of a version, as entries of its archive.
+/// Returns the FMU of a version, as entries of its archive.
 pub(crate) fn vendor(version: u32) -> Entries {
     let counts = [
         ("PARAMETERS", PARAMETERS),
@@ -102,7 +102,7 @@ pub(crate) fn vendor(version: u32) -> Entries {
     entries
 }
 
-/// Bytes that no packing makes fewer: Marsaglia's xorshift64.
+/// Returns bytes that no compression makes smaller: Marsaglia's xorshift64.
 fn tables() -> Vec<u8> {
     let mut word = 88_172_645_463_325_252_u64;
     let words = (0..TABLES / 8).flat_map(|_| {

@@ -199,7 +199,7 @@ fn incomparable_runs_and_baselines_are_refused() {
                 "--baselines",
                 "nowhere.toml",
             ],
-            "--update creates one",
+            "create it with --update",
         ),
         (
             vec![&mass, "--baseline", "leakage", "--baselines", file],
@@ -226,5 +226,5 @@ fn incomparable_runs_and_baselines_are_refused() {
         .expect(0);
     kept.compare(&third.folder.display().to_string(), &[])
         .expect(2)
-        .says(&["does not belong to baseline `leakage`"]);
+        .says(&["is not the recording of baseline `leakage`"]);
 }

@@ -339,7 +339,7 @@ fn a_damaged_result_is_set_aside_and_recomputed() {
     // Read-only commands report it and leave it in place.
     campaign(&rig, &["show", text(&folder)])
         .expect(3)
-        .says(&["shard 2", "its check sum does not match"]);
+        .says(&["shard 2", "its checksum does not match"]);
     campaign(&rig, &["collect", text(&folder)])
         .expect(3)
         .says(&["shard 2", "set aside"]);

@@ -184,7 +184,7 @@ fn every_law_resumes_in_the_middle_of_the_papers_fault() {
         let rig = Rig::new();
         let shipped = shortened(&rig, "scenarios/severe-leakage.toml", 7.3);
         let scenario = format!("{shipped} --set controller.law={law}");
-        // At the very step at which it takes hold, and soon after.
+        // At the very step at which it takes effect, and soon after.
         assert_goes_on(&rig, &scenario, &[7.0, 7.0001, 7.05], law);
     }
 }

@@ -272,7 +272,7 @@ fn a_fault_that_does_nothing_and_one_that_never_begins_are_flagged() {
         summary["faults"][1]["effective_step"],
         serde_json::Value::Null
     );
-    run.prints(&["NO EFFECT", "never took hold"]);
+    run.prints(&["NO EFFECT", "never took effect"]);
 }
 
 #[test]

@@ -370,7 +370,7 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
         ),
         (
             with(sound.clone(), ".xml", text("\"3.0\"", "\"1.0\"")),
-            "FMI 2.0 and 3.0 are run",
+            "only FMI 2.0 and 3.0 are supported",
         ),
         (
             with(sound.clone(), ".xml", |bytes| {

@@ -51,7 +51,7 @@ impl Server {
         self.url.trim_start_matches("ws://")
     }
 
-    /// Waits for its end; returns its output.
+    /// Waits for the end of the program; returns its output.
     fn finish(mut self) -> (Option<i32>, String) {
         let status = ended(&mut self.process);
         let mut text = String::new();

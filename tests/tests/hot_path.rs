@@ -24,7 +24,7 @@ const SCENARIO: &str = "tests/scenarios/leakage.toml";
 /// System calls of a wait: yielding the core, sleeping or waking the other side, and reading a clock outside the
 /// vDSO.
 const WAITING: [&str; 3] = ["sched_yield", "futex", "clock_gettime"];
-/// System calls for sampling the thread's statistics: every 1,024 steps, and after one that took far too long.
+/// System calls that sample the thread's statistics: every 1,024 steps, and after a step that took far too long.
 const LOOKING: [&str; 2] = ["getcpu", "getrusage"];
 
 /// Returns a program that traces itself once it is started for a run.

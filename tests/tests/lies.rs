@@ -102,7 +102,7 @@ fn false_statements_of_a_plant_are_detected() {
             "loses-it-against-the-plan",
             &["the loss of controller 1", "hold", "abort"],
         ),
-        ("gets-another", &["controller 2", "was not started"]),
+        ("gets-another", &["controller 2", "was never started"]),
         ("misses-commands", &["1 commands missed", "0 records"]),
         (
             "makes-up-a-fault",
@@ -147,12 +147,12 @@ fn false_statements_are_detected_with_any_recording_and_loss_policy() {
         (
             "has-no-link",
             "safe-command",
-            "`hold`, but that of the run is `safe-command`",
+            "`hold`, but the run has the policy `safe-command`",
         ),
         (
             "loses-it-against-the-plan",
             "safe-command",
-            "`hold`, but that of the run is `safe-command`",
+            "`hold`, but the run has the policy `safe-command`",
         ),
     ] {
         let rig = Rig::new();

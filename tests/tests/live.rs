@@ -130,7 +130,7 @@ fn a_thousand_live_faults_take_hold_at_the_answered_steps() {
         }
     }
     let last = *answered.values().max().expect("a thousand");
-    until("the last has taken hold", || rig.status().step > last + 2);
+    until("the last has taken effect", || rig.status().step > last + 2);
     run.signal(rustix::process::Signal::INT);
     let run = run.finish().expect(130);
     let recording = Recording::open(&run.recording());

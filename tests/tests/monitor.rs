@@ -209,7 +209,7 @@ fn keys_step_the_run_and_inject_and_clear_faults() {
     terminal.press("n");
     terminal.until_it_shows("cancelled");
     terminal.press("1y");
-    terminal.until_it_shows("fault 1 bias takes hold at step 2601");
+    terminal.until_it_shows("fault 1 bias takes effect at step 2601");
     terminal.press("S");
     terminal.until_it_shows("1 active");
     terminal.press("cy");

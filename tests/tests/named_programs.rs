@@ -147,15 +147,15 @@ fn a_foreign_recording_runs_no_program_without_a_flag() {
     // Another user or another machine has another key.
     std::fs::rename(place.rig.path("state"), place.rig.path("other")).expect("it was made");
     let expected = [
-        "was not recorded by this user here",
+        "was not recorded by this user on this machine",
         "/bin/plant",
         "--plant-bin",
     ];
     place.rerun(&run, "never", &[]).expect(2).says(&expected);
-    place
-        .on(&run, &["replay"])
-        .expect(2)
-        .says(&["was not recorded by this user here", "--controller-bin"]);
+    place.on(&run, &["replay"]).expect(2).says(&[
+        "was not recorded by this user on this machine",
+        "--controller-bin",
+    ]);
     let flags = [
         "--plant-bin",
         text(&place.plant),
@@ -202,7 +202,7 @@ fn an_unusable_key_is_reported_and_a_missing_program_must_be_built() {
     assert!(!refused.stderr.contains("spelling"), "{}", refused.stderr);
     refused.says(&[
         "it does not exist; build it",
-        "name a program with --plant-bin PATH",
+        "choose a program with --plant-bin PATH",
     ]);
 }
 
@@ -335,7 +335,7 @@ fn advice_names_only_unused_options_of_the_command() {
     };
     advice(
         swap(&["--set", "controller.law=x"]),
-        "name it with --bin PATH",
+        "name the program with --bin PATH",
     );
     advice(
         swap(&["--bin", text(&place.law), "--set", "controller.law=x"]),
@@ -414,7 +414,7 @@ fn a_lost_controller_is_not_restarted_from_another_file() {
     let expected = "it cannot be restarted: ";
     assert!(reason.contains(expected), "{reason}");
     assert!(
-        reason.contains("was replaced or changed after it was checked"),
+        reason.contains("was replaced or changed after the check"),
         "{reason}"
     );
 }
@@ -443,7 +443,7 @@ fn a_program_replaced_during_the_run_is_not_started_as_the_old_one() {
     std::fs::write(&law, &changed).expect("written");
     let [now, then] = [changed, own].map(|content| blake3::hash(&content).to_hex());
     let expected = format!(
-        "its hash is {now}, at the start it was {then}; use --bin {} to accept the new one",
+        "its hash was {then} and is now {now}; use --bin {} to accept the new file",
         law.display()
     );
     swap(&[]).expect(2).says(&[&expected]);

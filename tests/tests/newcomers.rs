@@ -152,7 +152,7 @@ fn hil_without_its_programs_names_the_expected_location_and_a_remedy() {
         .env_remove("HIL_PLANT_BIN");
     let place = rig.path("controller-process").display().to_string();
     let parts = [
-        "no controller program is named, and there is none beside hil",
+        "no controller program is named, and there is none next to hil",
         &place,
         "`cargo build --release`",
         "--controller-bin PATH or HIL_CONTROLLER_BIN",

@@ -230,8 +230,18 @@ fn without_rights_a_run_continues_and_reports_each_refusal_once() {
         assert_refused(&run, "priority", 0.into(), "Operation not permitted");
     }
     if limit("Max locked memory") != "unlimited" {
-        assert_refused(&run, "lock_memory", false.into(), "bytes may be locked");
-        assert_refused(&run, "prefault", false.into(), "bytes may be locked");
+        assert_refused(
+            &run,
+            "lock_memory",
+            false.into(),
+            "the limit for locked memory is",
+        );
+        assert_refused(
+            &run,
+            "prefault",
+            false.into(),
+            "the limit for locked memory is",
+        );
     }
 }
 

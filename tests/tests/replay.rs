@@ -445,7 +445,7 @@ fn a_truncated_recording_is_replayed_up_to_its_last_record() {
     assert!((1000..15_000).contains(&steps), "{steps}");
     let output = rig.hil(&["replay", text(&cut)]).expect(0).stdout;
     assert!(
-        output.contains("cut off and is replayed as far as it goes"),
+        output.contains("cut off and is replayed as far as possible"),
         "{output}"
     );
 }

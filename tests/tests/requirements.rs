@@ -128,7 +128,7 @@ fn a_recording_is_judged_by_the_requirements_of_another_scenario() {
     let slower = rig.write("slower.toml", &text.replace("= 10000", "= 5000"));
     refuse(
         slower.to_str().expect("plain"),
-        &["at 5000 Hz and the run at 10000 Hz"],
+        &["at 5000 Hz but the run at 10000 Hz"],
     );
 }
 

@@ -204,7 +204,7 @@ fn a_live_run_is_kept_and_a_killed_one_is_broken() {
     };
     assert_eq!(verdict(), "running");
     let report = remove();
-    assert!(report.contains("it goes on"), "{report}");
+    assert!(report.contains("it is still running"), "{report}");
     assert!(folder.join("scenario.toml").exists());
     running.kill();
     until_gone(&children);

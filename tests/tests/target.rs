@@ -210,7 +210,7 @@ fn frames_use_the_connection_if_no_datagrams_get_through() {
     let there = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(0);
     assert_eq!(there.summary()["digest"], here["digest"]);
     assert!(
-        log(&there).contains("no datagram gets through"),
+        log(&there).contains("no datagrams get through"),
         "{}",
         log(&there)
     );
@@ -421,7 +421,7 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
         ("--key-file board.key", "--target <TARGET>"),
         (
             &format!("{ON_BOARD} --key-file {open}"),
-            "ssh has keys of its own",
+            "ssh uses its own keys",
         ),
         ("--target serve://127.0.0.1:1", "needs its key"),
         (
@@ -446,7 +446,7 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
         ),
         (
             &format!("{ON_BOARD} --checkpoint-at 0.1"),
-            "checkpoints with --target",
+            "--checkpoint-at cannot be used with --target",
         ),
     ] {
         let run = run(&rig, &board, &format!("{SHORT} {arguments}")).expect(2);

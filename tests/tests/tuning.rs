@@ -166,7 +166,7 @@ fn invalid_changes_are_refused_by_name_and_change_nothing() {
         ("plant.parameters.mass_kg=2 --at 5", "the run ends at 5 s"),
         (
             "controller.pid.command_limit_n=inf --ramp 1s",
-            "no ramp leads",
+            "along a ramp",
         ),
         ("--clear reference.velocity_mps", "has no stimulus"),
         (

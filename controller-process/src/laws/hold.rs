@@ -1,6 +1,6 @@
 //! `hold`: sets every command of the plant to one constant value, regardless of the sample.
 //!
-//! For open-loop runs, for a first try of your own plant and as the peer in a latency measurement. It is the one law
+//! For open-loop runs, for a first try of your own plant and as the peer in a latency measurement. This is the only law
 //! for any plant, so it implements [`Law`] on rows and has no command table of its own. A value that jumps during a run
 //! is reached within 0.1 s, in a straight line.
 
@@ -32,9 +32,9 @@ pub struct Hold {
 /// State that the law keeps from sample to sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct HoldState {
-    /// Last command, if any.
+    /// Last command, if there was one.
     last: Option<f64>,
-    /// `true` if the value has jumped since then.
+    /// `true` if the value has jumped since the last command.
     jumped: bool,
     transfer: Transfer,
 }

@@ -1,9 +1,9 @@
-//! The limit of a command, used by every law that has one.
+//! The limit of a command, used by every law with a limited command.
 
 /// Limit of an unlimited command.
 pub(super) const UNLIMITED: f64 = f64::INFINITY;
 
-/// Clamps a value to `[-limit, limit]`; NaN stays NaN, for the plant's guard.
+/// Clamps a value to `[-limit, limit]`; NaN remains NaN, for the plant's guard.
 pub(super) fn limited(value: f64, limit: f64) -> f64 {
     if value > limit {
         limit

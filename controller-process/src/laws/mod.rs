@@ -1,7 +1,7 @@
 //! The built-in laws, one folder or file per law.
 //!
 //! The runner and `--describe` use [`all`], the only list of the laws. A law is pure arithmetic on its configuration
-//! and the sample: no clock, no file and no random number. Each keeps its command continuous if its parameters jump
+//! and the sample: no clock, no file and no random number. Each law keeps its command continuous if its parameters jump
 //! during a run.
 //!
 //! | law | plant | file |

@@ -1,7 +1,7 @@
 //! PID: the core shared by the laws named `pid`, and those laws, one file per plant.
 //!
-//! [`Pid`] turns an error into a command, once per sample. It has no units and is independent of the plant: the laws in
-//! [`drhas`] and [`spring_mass`] define the signals, the units and the gains.
+//! [`Pid`] converts an error into a command, once per sample. It has no units and is independent of the plant: the laws
+//! in [`drhas`] and [`spring_mass`] define the signals, the units and the gains.
 
 pub mod drhas;
 pub mod spring_mass;
@@ -32,8 +32,8 @@ pub struct Gains {
 ///
 /// `u = k_p e + k_i integral(e) + k_d de/dt`, clamped to the limit. The integral is the sum of trapezoids and starts at
 /// 0, the derivative is the backward difference and is 0 at the first sample. While the command is at its limit the
-/// integral does not move further into it (conditional integration), so that it leaves the limit as soon as the error
-/// changes sign.
+/// integral does not move further beyond it (conditional integration), so that the command leaves the limit as soon as
+/// the error changes sign.
 #[derive(Clone, Copy, Debug)]
 pub struct Pid {
     gains: Gains,
@@ -70,8 +70,8 @@ impl Pid {
 
     /// Applies other gains, from the next update on.
     ///
-    /// The command of that update is that of the old gains, within the new limit: the integral becomes `(u_old - k_p e
-    /// - k_d de/dt) / k_i`. Without an integral gain the difference fades, if the gains jump.
+    /// The next command equals that of the old gains, within the new limit: the integral becomes `(u_old - k_p e - k_d
+    /// de/dt) / k_i`. Without an integral gain the difference fades, if the gains jump.
     pub fn retune(&mut self, gains: Gains, transition: Transition) {
         // Before the first sample there is no command to continue from.
         if self.state.last_error.is_some() {
@@ -103,7 +103,7 @@ impl Pid {
         self.state.command
     }
 
-    /// Answers an error such that the command continues from the previous gains, or from the held command.
+    /// Answers an error such that the command continues from the previous gains or from the held command.
     fn change_over(&mut self, error: f64) -> f64 {
         let gains = self.gains;
         let (former, transition) = self.former.take().unwrap_or((gains, Transition::Step));
@@ -133,7 +133,7 @@ impl Pid {
         self.state.command
     }
 
-    /// Returns the command without the remainder of a change, within the limit as far as the integral is concerned.
+    /// Returns the command without the remainder of a change; the integral is limited accordingly.
     fn answer(&mut self, error: f64) -> f64 {
         let state = &mut self.state;
         let elapsed_s = f64::from(state.missed.saturating_add(1)) * self.period_s;

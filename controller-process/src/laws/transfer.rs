@@ -1,7 +1,7 @@
 //! Transfer that keeps a command continuous if parameters jump and no integral absorbs the difference.
 //!
-//! Used by the laws of this folder at the sample of such a change. A law with an integral re-initialises that instead
-//! ([`pid`](super::pid)); parameters on a ramp need neither.
+//! Used by the laws of this folder at the sample of such a change. A law with an integral re-initialises the integral
+//! instead ([`pid`](super::pid)); parameters on a ramp need neither.
 
 use serde::{Deserialize, Serialize};
 

@@ -34,7 +34,7 @@ impl Bound {
         Ok((step.0 as i64 - self.made.frame) as u32)
     }
 
-    /// Records that a step is answered, if its sample was received; returns the steps answered before.
+    /// Records that a step is answered, if its sample was received; returns the steps answered earlier.
     pub(super) fn note(&mut self, step: Step, is_seen: bool) -> Answered {
         if !is_seen {
             return self.answered;

@@ -11,11 +11,11 @@ use shared_types::wait::WaitLimit;
 use super::tests::{greeted, job, kind};
 use super::*;
 
-/// Much longer than any limit here, for a busy machine.
+/// Much longer than any limit here, to allow for a busy machine.
 const WATCHDOG: Duration = Duration::from_secs(20);
 const WAIT_LIMIT_S: f64 = 0.1;
 
-/// A controller's end of a link whose other end repeats one message whenever it has no other.
+/// A controller's end of a link whose other end repeats one message whenever it has nothing else to send.
 struct Echo {
     inner: InProcessLink,
     message: Option<Vec<u8>>,

@@ -1,6 +1,6 @@
 //! Conversion of values in the law's incoming and outgoing rows.
 //!
-//! Created when the law is bound; allocates nothing in a step, and skips values whose conversion would change no bit.
+//! Created when the law is bound; allocates nothing in a step, and skips values that the conversion would not change.
 
 use shared_types::connection::{Connection, conversions};
 use shared_types::describe::LawDescription;

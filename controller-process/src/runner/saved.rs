@@ -1,7 +1,7 @@
 //! State of the controller in a checkpoint: the law and its pending commands.
 //!
-//! The runner saves it between two samples and starts from it in a resumed run. All other data follows from the job or
-//! is written by every sample before it is read.
+//! The runner saves this state between two samples and starts from it in a resumed run. All other data follows from the
+//! job or is overwritten by every sample before it is read.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -54,7 +54,7 @@ impl Bound {
             if row.len() != saved.len() {
                 let (theirs, ours) = (saved.len(), row.len());
                 return Err(Invalid(format!(
-                    "commands had {theirs} signals when the state was saved and have {ours} now"
+                    "commands had {theirs} signals when the state was saved, but have {ours} now"
                 )));
             }
             *row = saved;

@@ -32,7 +32,7 @@ shared_types::table! {
         calls: "1",
         /// Validity of the sample.
         valid: "1",
-        /// Simulated time that it received.
+        /// Simulated time received by the law.
         time_s: "s",
     }
 }
@@ -150,7 +150,7 @@ fn answers(job: Job, steps: u64) -> Vec<(f64, f64, u32)> {
     directed(job, steps, |_| Directive::default())
 }
 
-/// Sends positions like [`answers`], with a directive in each sample; returns the same.
+/// Sends positions like [`answers`], with a directive in each sample; returns the same values.
 fn directed(job: Job, steps: u64, directive: fn(u64) -> Directive) -> Vec<(f64, f64, u32)> {
     let kind = kind();
     let mut ends = greeted(&kind, job, |link| link);

@@ -1,8 +1,8 @@
 //! Parameters of the law that change during a run: the plant's messages about them, and their application.
 //!
-//! A sample carries the number of messages that precede it. The runner answers it with the courses of that number and
-//! evaluates them at the sample's own step, so the values do not depend on when a message arrived, and a law that
-//! missed steps gets the values of its sample's step.
+//! A sample carries the number of the messages that precede it. The runner answers the sample with the courses of that
+//! number and evaluates them at the sample's own step, so the values do not depend on when a message arrived, and a law
+//! that missed steps gets the values of its sample's step.
 
 use std::collections::VecDeque;
 
@@ -17,19 +17,19 @@ use crate::controller::{Law, Transition, TunedRows};
 /// Maximum number of messages waiting for their sample; the plant sends at most one per step.
 const MOST: usize = 64;
 
-/// Present and future parameters of the law.
+/// Current and future parameters of the law.
 #[derive(Debug)]
 pub(super) struct Tuning {
     /// Index of each tunable parameter in the row.
     places: Vec<usize>,
-    /// Every parameter, as the law was started and as it is now.
+    /// Every parameter, with its value at the start and its current value.
     started: Vec<f64>,
     parameters: Vec<f64>,
     model: Vec<f64>,
     period_s: f64,
     /// Courses in force.
     state: Tuned,
-    /// Messages of later samples, by rising number.
+    /// Messages of later samples, by ascending number.
     waiting: VecDeque<Tuned>,
     /// `true` if the law's parameters may differ from the courses at its next sample.
     is_due: bool,
@@ -42,7 +42,7 @@ pub(super) enum Found {
     Here,
     /// The message has not arrived.
     Missing,
-    /// The message was lost, as newer ones arrived; a newer sample follows.
+    /// The message was lost because newer ones replaced it; a newer sample follows.
     Lost,
 }
 
@@ -50,7 +50,7 @@ pub(super) enum Found {
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub(super) struct SavedTuning {
     number: u64,
-    /// Index, from, to, begin and steps of each.
+    /// Index, from, to, begin and steps of each course.
     courses: Vec<(u32, f64, f64, u64, u64)>,
     parameters: Vec<f64>,
     is_due: bool,
@@ -192,14 +192,16 @@ impl Tuning {
     /// Restores a saved state and passes the parameters to the law, whose own state must be restored afterwards.
     ///
     /// # Errors
-    /// If it is not a state of this law.
+    /// If the bytes are not a state of this law.
     pub(super) fn restore(
         &mut self,
         saved: &SavedTuning,
         law: &mut dyn Law,
     ) -> Result<(), Invalid> {
         if saved.parameters.len() != self.parameters.len() {
-            return Err(Invalid("its parameters are not those of this law".into()));
+            return Err(Invalid(
+                "the parameters in the state are not those of this law".into(),
+            ));
         }
         let course = |&(place, from, to, begin, steps): &(u32, f64, f64, u64, u64)| {
             let begin = Step(begin);

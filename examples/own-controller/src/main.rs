@@ -1,5 +1,5 @@
-//! State feedback for the pendulum of `own-plant`: it cancels gravity by its model of the
-//! plant, the rest pulls to the wanted angle, `T = -m g l sin a - k_1 (a - a_wanted) - k_2 a'`.
+//! State feedback for the pendulum of `own-plant`: cancels gravity by its model of the plant and pulls to the desired
+//! angle, `T = -m g l sin a - k_1 (a - a_wanted) - k_2 a'`.
 
 use std::process::ExitCode;
 

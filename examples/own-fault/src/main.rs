@@ -1,7 +1,7 @@
-//! Play in a linkage: what it drives, a sensor or a valve, stands still until the play is taken up.
+//! Play in a linkage: the driven side, a sensor or a valve, stands still until the play is taken up.
 //!
-//! One table says what a scenario can set, `impl FaultKind` is the fault, `main` offers it beside
-//! the built-in plants and kinds.
+//! One table lists the keys of a scenario, `impl FaultKind` is the fault, and `main` offers it in addition to the
+//! built-in plants and kinds.
 
 use std::process::ExitCode;
 
@@ -22,7 +22,7 @@ table! {
 /// Backlash: the play operator of Brokate and Sprekels, Hysteresis and Phase Transitions (1996).
 struct Backlash {
     play: f64,
-    /// Position of the driven side, once the fault has taken hold.
+    /// Position of the driven side, once the fault has taken effect.
     driven: Option<f64>,
 }
 

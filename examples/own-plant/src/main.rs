@@ -1,6 +1,6 @@
-//! A pendulum on its head, with a motor at its pivot: `m l^2 a'' = m g l sin a - c a' + T`.
+//! An inverted pendulum with a motor at its pivot: `m l^2 a'' = m g l sin a - c a' + T`.
 //!
-//! Three tables say what goes in and out, `impl Plant` is the model, `main` is the whole process.
+//! Three tables define inputs and outputs, `impl Plant` is the model, and `main` is the whole process.
 
 use std::process::ExitCode;
 

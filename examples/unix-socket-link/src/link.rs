@@ -1,8 +1,8 @@
 //! The link: a socket for the control messages of each controller, and one for its frames.
 //!
-//! The plant listens and a controller connects, by the number of its epoch, in a folder that is nobody else's.
-//! A frame is its header and its values as they are in memory: both sides are on one machine. There is no check
-//! sum, because nothing here could break it; a link over a wire would send one.
+//! The plant listens and a controller connects, by the number of its epoch, in a folder that belongs to nobody else.
+//! A frame is its header and its values in memory layout, because both sides are on one machine. There is no checksum,
+//! because nothing here can corrupt a frame; a link over a wire would send one.
 
 use std::path::{Path, PathBuf};
 
@@ -25,10 +25,10 @@ pub struct UnixSocketLink {
     side: Side,
     folder: PathBuf,
     control: Socket,
-    /// Control messages of the controller whose frames are in use, if another one is expected.
+    /// Control messages of the controller whose frames are in use, while another controller is expected.
     active: Option<Socket>,
     frames: Option<Frames>,
-    /// Frames opened last, if others are in use.
+    /// Frames opened last, while older ones are in use.
     next: Option<Frames>,
     rejected: Ignored,
 }
@@ -40,18 +40,18 @@ struct Frames {
 }
 
 impl UnixSocketLink {
-    /// Makes the plant's end, in a folder without sockets.
+    /// Creates the plant's end, in a folder without sockets.
     ///
     /// # Errors
-    /// If another plant is there or the folder cannot be used.
+    /// If the folder cannot be used, or already has a plant.
     pub fn create(folder: &Path) -> Result<Self, LinkError> {
         Self::new(folder, Side::Plant, 1)
     }
 
-    /// Makes the end of the controller of an epoch.
+    /// Creates the end of the controller of an epoch.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] as long as the plant does not expect it.
+    /// [`LinkError::Absent`] while the plant does not expect the controller.
     pub fn open(folder: &Path, epoch: u32) -> Result<Self, LinkError> {
         Self::new(folder, Side::Controller, epoch)
     }

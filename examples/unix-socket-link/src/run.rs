@@ -1,4 +1,4 @@
-//! A plant and a law in lockstep over any link: the plant in this thread, the law in one of its own.
+//! A plant and a law in lockstep over any link: the plant in this thread, the law in another.
 
 use std::path::Path;
 
@@ -17,10 +17,10 @@ use hil_session::waiter::Waiter;
 
 const WAIT_LIMIT_S: f64 = 20.0;
 
-/// Runs a scenario with the built-in plants and laws and gives its digest.
+/// Runs a scenario with the built-in plants and laws and returns its digest.
 ///
 /// # Errors
-/// Everything that is wrong with the scenario, or the reason why the run did not complete.
+/// All problems of the scenario, or the reason why the run did not complete.
 pub fn run<P: Link, C: Link>(
     scenario: &Path,
     session: u64,
@@ -93,7 +93,7 @@ fn controller_job(plan: &Plan, session: u64) -> controller_process::job::Job {
     }
 }
 
-/// A record stream that ends here: of each record only the digest is made.
+/// Record stream that ends here: each record is only added to the digest.
 struct Digesting<'a> {
     digest: &'a mut Digest,
     hashed_words: usize,

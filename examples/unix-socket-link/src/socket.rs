@@ -1,4 +1,4 @@
-//! Whole messages over a UNIX stream that never blocks: what is not taken now goes later.
+//! Whole messages over a UNIX stream that never blocks: bytes that cannot be sent now are sent later.
 
 use std::collections::VecDeque;
 use std::io::{ErrorKind, Read, Write};
@@ -9,19 +9,19 @@ use shared_types::link::LinkError;
 
 /// Longest message: far more than any that plant and controller exchange.
 const LONGEST: usize = 16 << 20;
-/// Bytes in front of a message, its length.
+/// Size of the length before a message, in bytes.
 const HEAD: usize = 4;
 
 /// End of a stream of messages.
 pub(crate) struct Socket {
     name: String,
-    /// Place where the other end comes, until it did.
+    /// Listener for the other end, until it has connected.
     listener: Option<UnixListener>,
     stream: Option<UnixStream>,
-    /// Messages that the system did not take yet, each with its head, and the bytes taken of the first.
+    /// Messages that the system has not accepted yet, each with its head, and the accepted bytes of the first.
     outgoing: VecDeque<Vec<u8>>,
     taken: usize,
-    /// Bytes that came and are no whole message yet.
+    /// Received bytes that do not form a whole message yet.
     incoming: Vec<u8>,
 }
 
@@ -37,7 +37,7 @@ impl Socket {
         }
     }
 
-    /// Makes the plant's end, to which one controller may connect.
+    /// Creates the plant's end, to which one controller may connect.
     pub(crate) fn listen(path: &Path) -> Result<Self, LinkError> {
         let mut socket = Self::new(path);
         let listener = UnixListener::bind(path).map_err(|error| match error.kind() {
@@ -53,7 +53,7 @@ impl Socket {
         Ok(socket)
     }
 
-    /// Makes a controller's end.
+    /// Creates a controller's end.
     pub(crate) fn connect(path: &Path) -> Result<Self, LinkError> {
         let mut socket = Self::new(path);
         let stream = UnixStream::connect(path).map_err(|error| match error.kind() {
@@ -88,13 +88,13 @@ impl Socket {
         self.flush()
     }
 
-    /// Sends a message in place of all that wait; one of which a part is under way goes first.
+    /// Sends a message in place of all waiting ones; a message that is partly sent is completed first.
     pub(crate) fn replace(&mut self, message: &[u8]) -> Result<(), LinkError> {
         self.outgoing.truncate(usize::from(self.taken > 0));
         self.queue(message)
     }
 
-    /// Takes the next message that is here.
+    /// Returns the next received message.
     pub(crate) fn next(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
         self.flush()?;
         self.fill()?;
@@ -115,7 +115,7 @@ impl Socket {
         Ok(Some(message))
     }
 
-    /// Gives the system what it takes now.
+    /// Sends as many bytes as the system accepts now.
     fn flush(&mut self) -> Result<(), LinkError> {
         if let Some(listener) = &self.listener {
             match listener.accept() {
@@ -139,7 +139,7 @@ impl Socket {
         Ok(())
     }
 
-    /// Takes what the system has, but not for ever from one that sends faster.
+    /// Reads available bytes, but not endlessly from an end that sends faster.
     fn fill(&mut self) -> Result<(), LinkError> {
         let mut bytes = [0; 1 << 16];
         while let Some(stream) = &mut self.stream
@@ -158,7 +158,7 @@ impl Socket {
     }
 }
 
-/// The death of the other end is silence: whoever started it notices, and the run may go on.
+/// Treats the death of the other end as silence: the process that started it notices, and the run may continue.
 fn is_death(error: &std::io::Error) -> bool {
     matches!(
         error.kind(),

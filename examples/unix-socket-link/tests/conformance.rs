@@ -1,11 +1,11 @@
-//! The sentences that every link keeps, about this one.
+//! The properties that every link must have, checked for this link.
 
 use shared_types::conformance;
 use shared_types::conformance::link::{Fixture, Opener};
 use tempfile::TempDir;
 use unix_socket_link::link::UnixSocketLink;
 
-/// A folder in which sockets meet.
+/// Folder in which sockets meet.
 struct Folder(TempDir);
 
 impl Fixture for Folder {

@@ -1,4 +1,4 @@
-//! A run has one digest, whatever link it goes over.
+//! A run has the same digest over every link.
 
 use std::path::Path;
 

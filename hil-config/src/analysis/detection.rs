@@ -7,8 +7,8 @@ use crate::plan::DetectionPlan;
 
 /// Performance of an alarm.
 ///
-/// An alarm is raised once its expression has held for a while: V_3 exceeds V_r for an instant even without a fault
-/// (paper, remark 16).
+/// An alarm is raised once its expression has held for the hold time: V_3 exceeds V_r for an instant even without a
+/// fault (paper, remark 16).
 ///
 /// - time to detect: from the step at which the fault takes effect to the first alarm that begins then or later,
 ///   including its hold time;
@@ -28,11 +28,11 @@ pub(super) struct Detection {
     onset: Option<Step>,
     /// Consecutive records at which the alarm held.
     held: u64,
-    /// `true` if the first of them was before the fault.
+    /// `true` if the first of these records was before the fault.
     is_older: bool,
     false_alarms: u64,
     detected: Option<Step>,
-    /// Step after the last one without recovery.
+    /// Step after the last step without recovery.
     recovered: Option<Step>,
     is_recovered: bool,
     peak: f64,

@@ -14,11 +14,12 @@ const RATIO: f64 = 1.01;
 ///
 /// Over whole turns, at least one and as many as raise the frequency by a hundredth, input and output are each fitted
 /// by least squares with `a sin(phi) + b cos(phi) + c`; the ratio of their `a + j b` is the response at the mean
-/// frequency of these turns. Accurate as far as the signals are in the steady state of each frequency: a resonance must
-/// have decayed before the sweep has left it. The response at the first frequency comes from the [low end](LowEnd).
+/// frequency of these turns. The result is accurate if the signals are in the steady state of each frequency: a
+/// resonance must have decayed before the sweep has left it. The response at the first frequency comes from the [low
+/// end](LowEnd).
 ///
 /// - low-frequency gain: the gain at the first frequency;
-/// - bandwidth: the frequency at which the gain first falls below `1 / sqrt(2)` of that (-3 dB);
+/// - bandwidth: the frequency at which the gain first falls below the low-frequency gain times `1 / sqrt(2)` (-3 dB);
 /// - peak gain, as a multiple of the low-frequency gain, and its frequency, from the parabola through the largest gain
 ///   and its neighbours;
 /// - the frequency at which the output first lags by 90 degrees.
@@ -96,7 +97,7 @@ impl FrequencyResponse {
         self.chirp.wants(time_s)
     }
 
-    /// Processes a sample of the sweep; times rise. A missing sample is skipped.
+    /// Processes a sample of the sweep; times ascend. A missing sample is skipped.
     pub(super) fn take(&mut self, time_s: f64, input: f64, output: f64) {
         if !(input.is_finite() && output.is_finite()) {
             return;
@@ -163,8 +164,8 @@ impl FrequencyResponse {
     }
 }
 
-/// Interpolates the frequency at which a condition first holds, `part` of the way from the preceding response; NaN if
-/// it never holds.
+/// Interpolates the frequency at which a condition first holds, which is the fraction `part` of the way from the
+/// preceding response; NaN if the condition never holds.
 fn first_hz(
     responses: &[Response],
     holds: impl Fn(&Response) -> bool,
@@ -280,7 +281,7 @@ mod tests {
         figures.iter().map(|figure| figure.value).collect()
     }
 
-    /// Figures of a linear system under a slow sweep: in its steady state at each frequency.
+    /// Figures of a linear system under a slow sweep, in its steady state at each frequency.
     fn figures(offset: f64, system: impl Fn(f64) -> (f64, f64)) -> Vec<f64> {
         let (start_hz, end_hz, duration_s) = (0.05, 6.0, 600.0);
         let plan = plan(Sweep::Linear, [start_hz, end_hz], duration_s);
@@ -297,7 +298,7 @@ mod tests {
         values(&response)
     }
 
-    /// Value of the chirp at a time, by its own formula.
+    /// Value of the chirp at a time, by an independent formula.
     fn wave(sweep: Sweep, [f_0, f_1]: [f64; 2], d: f64, t: f64) -> f64 {
         let turns = match sweep {
             Sweep::Linear => f_0 * t + 0.5 * (f_1 - f_0) * t * t / d,

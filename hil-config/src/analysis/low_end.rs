@@ -16,10 +16,11 @@ const TERMS: usize = 6;
 /// A stable system of transfer function `H(s) = h_0 + h_1 s + h_2 s^2 + ..` responds with
 /// `h_0 x + h_1 x' + h_2 x'' + ..`, however fast the frequency rises. Input and output are each fitted with this series
 /// up to `h_4` plus a constant, by least squares; the ratio of their `H(j 2 pi f_0)` is the response at the first
-/// frequency. Over a narrow band the terms are a parabola through the real part and a straight line through the
-/// imaginary part, so the series need not converge well around 0.
+/// frequency. Over a narrow band the terms describe a parabola for the real part and a straight line for the imaginary
+/// part, so the series need not converge well around 0.
 ///
-/// The first turn, in which the system still leaves its rest, is skipped if the frequency hardly rises in it.
+/// The first turn, in which the system still leaves its rest, is skipped if the frequency hardly rises during that
+/// turn.
 #[derive(Clone, Debug)]
 pub(super) struct LowEnd {
     chirp: Chirp,

@@ -74,7 +74,10 @@ impl AnalysisContext<'_> {
         };
         let (initial, target) = (initial?.unwrap_or(before), target?.unwrap_or(after));
         if initial == target {
-            let message = format!("the step of `{}` has no height", section.path);
+            let message = format!(
+                "the step of `{}` has no height, so there is no response to analyse",
+                section.path
+            );
             reader
                 .report(
                     ProblemKind::OutOfRange,
@@ -143,7 +146,9 @@ impl AnalysisContext<'_> {
             };
         let highest_hz = grid.rate.hz() / SAMPLES_PER_TURN;
         let wrong = if end_hz <= start_hz {
-            Some(format!("the chirp `{target}` does not rise"))
+            Some(format!(
+                "the frequency of the chirp `{target}` does not rise"
+            ))
         } else if end_hz > highest_hz {
             Some(format!(
                 "the chirp `{target}` ends at {} Hz; with this exchange rate no more than {} Hz can be analysed",
@@ -257,7 +262,7 @@ impl AnalysisContext<'_> {
                 ),
                 None => (
                     ProblemKind::MissingKey,
-                    format!("`{path}` does not say which stimulus is meant"),
+                    format!("`{path}` does not state which stimulus is meant"),
                 ),
             };
             let expected = match fitting.len() {

@@ -1,5 +1,5 @@
 //! Misplaced keys, such as `kp` at the top of a scenario: suggests the full key with that name, or explains the name.
-//! Only examines keys that are refused anyway, so that no valid scenario depends on it.
+//! Only examines keys that are refused anyway, so that no valid scenario depends on this module.
 
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 use shared_types::table::nearest;
@@ -13,7 +13,7 @@ use crate::reader::Reader;
 /// Maximum number of suggestions.
 const MOST: usize = 3;
 
-/// Parts of a scenario that names may belong to.
+/// Parts of a scenario to which names may belong.
 pub(super) struct Owners<'a> {
     pub(super) plant: Option<&'a PlantDescription>,
     pub(super) law: Option<&'a LawDescription>,
@@ -26,7 +26,7 @@ pub(super) struct Owners<'a> {
 enum Owned {
     /// Value with this full key.
     Key(String),
-    /// Anything else, with advice.
+    /// Any other meaning, with advice.
     Other(String),
 }
 

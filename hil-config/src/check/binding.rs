@@ -1,7 +1,7 @@
 //! Binding: every signal that law and plant need must be provided, by name and unit.
 //!
-//! The processes repeat the same binding from their own tables; here it is checked before anything is started, so that
-//! the message has the line of the scenario and a way to provide the signal.
+//! The processes repeat the same binding from their own tables; the check here precedes their start, so that the
+//! message can name the line of the scenario and a way to provide the signal.
 
 use shared_types::connection::Connection;
 use shared_types::describe::{LawDescription, PlantDescription};
@@ -14,7 +14,7 @@ use crate::plan::Stimulus;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
-/// Reports every needed signal of law and plant that nothing provides.
+/// Reports every signal that law or plant needs and that nothing provides.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -154,7 +154,7 @@ fn bind_reference(
             order => format!(" with its first {order} derivatives"),
         };
         let help = format!(
-            "a [[stimuli]] with target = \"{}\" and a kind of {} provides it{needs}",
+            "add a [[stimuli]] with target = \"{}\" and a kind of {}, which provides it{needs}",
             target.name,
             listed(kinds)
         );
@@ -170,8 +170,8 @@ fn bind_reference(
     }
 }
 
-/// Returns the signal of which a reference signal is a derivative, and the order; the signal itself with order 0 if it
-/// is not a derivative.
+/// Returns the signal from which a reference signal is derived, and the order of the derivative; for a signal that is
+/// not a derivative, the signal itself with order 0.
 fn target_of<'f>(field: &'f Field, all: &'f [Field]) -> (&'f Field, usize) {
     for order in 1..=5 {
         let is_target = |target: &&Field| {
@@ -212,6 +212,6 @@ fn unbound(
     }
     problem.help = help.or_else(|| {
         (!fields.is_empty())
-            .then(|| "[[connect]] binds signals of other names and units to each other".into())
+            .then(|| "use [[connect]] to bind signals of different names and units".into())
     });
 }

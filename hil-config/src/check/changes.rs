@@ -1,7 +1,7 @@
 //! `[[changes]]`: values that change during the run.
 //!
 //! The same code checks the changes of a scenario and those requested during a run. Combinations of parameters are
-//! validated by the side that knows them, as at the start of a run.
+//! validated by the side that owns them, as at the start of a run.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,8 +23,8 @@ use crate::quantity::{Quantity, toml_float};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
 
-/// Context that changes are checked against. A part that is `None` is itself faulty; anything that depends on it is not
-/// checked.
+/// Context against which changes are checked. A part that is `None` is itself faulty; anything that depends on it is
+/// not checked.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ChangeContext<'a> {
     /// Plant.
@@ -104,13 +104,13 @@ fn live(
     })
 }
 
-/// Lists every key that can be changed, with its aliases; `None` if some are unknown.
+/// Lists every key that can be changed, with its aliases; `None` if some keys are unknown.
 pub(super) fn tunable(context: &ChangeContext<'_>) -> Option<Vec<(String, Vec<String>)>> {
     let tunable = known(context)?.into_iter().filter(|one| one.is_tunable);
     Some(tunable.map(|one| (one.key, one.aliases)).collect())
 }
 
-/// Lists all keys; `None` if some are unknown.
+/// Lists all keys; `None` if some keys are unknown.
 fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
     let (law, parameters) = context.law?;
     let group = law_keys(law);
@@ -156,7 +156,7 @@ fn change(
     if set.is_empty() && clear.is_empty() {
         let message = match section.path.as_str() {
             "" => "the change is empty".into(),
-            path => format!("`{path}` changes nothing"),
+            path => format!("`{path}` has no effect"),
         };
         reader
             .report(
@@ -175,9 +175,9 @@ fn change(
     }
     let is_endless = |one: &&ChangedValue| ramp_s.is_some() && !one.value.is_finite();
     let no_way = match set.iter().find(is_endless) {
-        Some(one) => Some(format!("no ramp leads `{}` to {}", one.key, one.value)),
+        Some(one) => Some(format!("`{}` cannot change to {} along a ramp", one.key, one.value)),
         None if ramp_s.is_some() && set.is_empty() => Some(
-            "a reference signal returns to its stimulus at once: a ramp has no end value".into(),
+            "a reference signal returns to its stimulus immediately, because a ramp has no end value there".into(),
         ),
         None => None,
     };
@@ -212,7 +212,7 @@ fn change(
     })
 }
 
-/// Returns the values of a table by full name; of two keys for one name the longer one counts.
+/// Returns the values of a table by full name; if two keys mean the same name, the longer key counts.
 fn values(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -272,7 +272,7 @@ fn values(
     by_name.into_values().map(|(_, value)| value).collect()
 }
 
-/// Returns `true` if a written key has the group of a full key and the last parts of its name.
+/// Returns `true` if a key in the scenario consists of the group and the last parts of a full key.
 fn is_short_form(key: &str, typed: &str) -> bool {
     let groups = [PLANT_KEYS.len(), key_group(key)];
     groups.into_iter().any(|length| {
@@ -300,7 +300,7 @@ fn unknown(
     let tunable = keys.iter().filter(|one| one.is_tunable);
     let names: Vec<&str> = tunable.map(|one| one.key.as_str()).collect();
     let expected = match names.len() {
-        0 => "nothing: neither the law nor the plant has anything that can be changed".into(),
+        0 => "none: neither the law nor the plant has anything that can be changed".into(),
         count if count <= LISTED => format!("one of {}", listed(names.iter().copied())),
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };
@@ -341,7 +341,7 @@ fn cleared(
 }
 
 impl RequestContext {
-    /// Checks a change that receives this number, against the run and its present law, given by name and tunable
+    /// Checks a change that receives this number, against the run and its current law, given by name and tunable
     /// parameters.
     ///
     /// # Errors

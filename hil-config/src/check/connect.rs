@@ -23,7 +23,7 @@ const KINDS: [SignalKind; 3] = [
 /// Both ends of connections.
 pub(super) struct Ends<'a> {
     pub(super) law: &'a LawDescription,
-    /// All available laws: connections of other laws may stand in the scenario too, so that one flag can switch the
+    /// All available laws: the scenario may also contain connections of other laws, so that one flag can switch the
     /// law.
     pub(super) laws: &'a [LawDescription],
     pub(super) plant: &'a PlantDescription,
@@ -90,7 +90,7 @@ pub(super) fn check(
     (reader.problems.len() == problems).then_some(connections)
 }
 
-/// Returns a connection; `None` if it is faulty or belongs to another law.
+/// Returns a connection; `None` if the connection is faulty or belongs to another law.
 fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Option<Connection> {
     let law = signal(reader, section, "law");
     let plant = signal(reader, section, "plant");
@@ -252,7 +252,7 @@ fn by_units(
                         false => (received, sender),
                     };
                     format!(
-                        "{names}: `{}` is declared as a difference (relativeQuantity) and `{}` is not, so it is unclear if the offsets of the units apply",
+                        "{names}: `{}` is declared as a difference (relativeQuantity) but `{}` is not, so it is unclear whether the offsets of the units apply",
                         one.name, other.name
                     )
                 }

@@ -14,8 +14,8 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Finds the law of a name for a plant. Laws for different plants may share a name; if none is made for the plant, any
-/// of that name is returned.
+/// Finds the law of a name for a plant. Laws for different plants may share a name; if no such law is made for the
+/// plant, any law of that name is returned.
 fn law_for<'d>(
     laws: &'d [LawDescription],
     name: &str,
@@ -65,7 +65,7 @@ pub(super) fn find<'d>(
         Some(law) => {
             let plants = listed(law.plants.iter().map(String::as_str));
             problem.help(format!(
-                "law `{name}` is made for {plants}; `made_for` with one of them and [[connect]] bind it to another plant"
+                "law `{name}` is made for {plants}; set `made_for` to one of them and use [[connect]] to bind the law to another plant"
             ));
         }
         None => {

@@ -1,7 +1,7 @@
-//! CSV files beside a scenario: rows of numbers separated by commas, column names in the first line; blank lines and
+//! CSV files of a scenario: rows of numbers separated by commas, with column names in the first line; blank lines and
 //! lines that begin with `#` are skipped.
 //!
-//! Used for points of stimuli and profiles and for the lists of faults, which interpret the numbers.
+//! Used for points of stimuli and profiles and for the lists of faults, whose modules interpret the numbers.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::source::Place;
 /// Required layout of a file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
-    /// First line; without one, the first line may be anything that is not a number.
+    /// Header line; if there is none, the first line may contain anything except numbers.
     pub header: Option<&'static str>,
     /// Numbers per row.
     pub columns: usize,
@@ -33,7 +33,7 @@ impl Layout {
     fn numbers(&self) -> String {
         match self.columns {
             1 => "one number".into(),
-            columns => format!("{columns} numbers with a comma between"),
+            columns => format!("{columns} numbers separated by commas"),
         }
     }
 }
@@ -41,8 +41,8 @@ impl Layout {
 /// Error in a row, and the expected content.
 pub(super) type BadRow = (String, &'static str);
 
-/// Reads the file named by a section's `file`, row by row. Reading stops at the first bad line: a file of another kind
-/// would otherwise give thousands of messages. Without a folder files are refused.
+/// Reads the file named by a section's `file`, row by row. Reading stops at the first bad line, because a file of
+/// another kind would give thousands of messages. Without a folder, files are refused.
 pub(super) fn read(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -93,7 +93,7 @@ pub(super) fn read(
     None
 }
 
-/// Error in a line, with the line's place.
+/// Error in a line, with the line's position.
 struct BadLine {
     start: usize,
     length: usize,

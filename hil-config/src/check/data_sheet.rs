@@ -2,9 +2,9 @@
 //!
 //! A plain number counts in the unit of the signal. Sources:
 //!
-//! - A unit with the root of a frequency is a one-sided amplitude density, as data sheets and IEEE 1139 have it.
-//! - A unit divided by the root of a time, as deg/sqrt(h), is the random walk coefficient N of IEEE 952, whose
-//!   two-sided density of power is N^2 (annex C); the one-sided amplitude density is sqrt(2) N.
+//! - A unit with the root of a frequency is a one-sided amplitude density, as in data sheets and IEEE 1139.
+//! - A unit divided by the root of a time, such as deg/sqrt(h), is the random walk coefficient N of IEEE 952, whose
+//!   two-sided power density is N^2 (annex C); the one-sided amplitude density is sqrt(2) N.
 //! - `g` in an acceleration is standard gravity, 9.80665 m/s2 (3rd CGPM, 1901), and not the gram.
 //! - `LSB` is the step of the converter; `% of range` is a part of the distance between its ends (IEEE 1241,
 //!   full-scale range).
@@ -23,15 +23,15 @@ const GRAVITY_MPS2: f64 = 9.806_65;
 
 /// Units of an instrument's keys.
 pub(super) struct Scales<'a> {
-    /// Unit of its signal.
+    /// Unit of the instrument's signal.
     pub(super) unit: &'a str,
-    /// Ends of its range.
+    /// Ends of the instrument's range.
     pub(super) range: Option<(f64, f64)>,
-    /// Step of its converter.
+    /// Step of the instrument's converter.
     pub(super) lsb: Option<f64>,
 }
 
-/// Reason for which a text is no quantity.
+/// Reason why a text is not a quantity.
 struct Unfit {
     message: String,
     help: Option<String>,
@@ -47,7 +47,7 @@ impl Unfit {
 }
 
 impl<'a> Scales<'a> {
-    /// The units of a signal before its range and step are known.
+    /// Creates the units of a signal before its range and step are known.
     pub(super) const fn new(unit: &'a str) -> Self {
         Self {
             unit,
@@ -56,7 +56,7 @@ impl<'a> Scales<'a> {
         }
     }
 
-    /// The value of a key of kind `Quantity` that is there.
+    /// Reads the value of a key of kind `Quantity` that the section contains.
     pub(super) fn quantity(
         &self,
         reader: &mut Reader,
@@ -77,12 +77,12 @@ impl<'a> Scales<'a> {
         self.read(reader, &section.path_of(name), node, &quantity, false)
     }
 
-    /// An end of the range.
+    /// Reads an end of the range.
     pub(super) fn end(&self, reader: &mut Reader, path: &str, node: &Node) -> Option<f64> {
         self.read(reader, path, node, &Quantity::finite(self.unit), true)
     }
 
-    /// A unit of a key, in which `target` stands for that of the signal.
+    /// Returns the unit of a key, with the signal's unit in place of `target`.
     fn own(&self, unit: &str) -> String {
         let Some(rest) = unit.strip_prefix("target") else {
             return unit.into();
@@ -130,7 +130,7 @@ impl<'a> Scales<'a> {
         }
     }
 
-    /// The value of a text in a unit; a level, as an end of the range, has the zero of its unit.
+    /// Reads the value of a text in a unit; a level, such as an end of the range, includes the offset of its unit.
     fn value(&self, text: &str, unit: &str, is_level: bool) -> Result<f64, Unfit> {
         let text = text.trim();
         let is_of_number = |c: char| c.is_ascii_digit() || matches!(c, '.' | '-' | '+' | '_');
@@ -196,13 +196,14 @@ fn converted(value: f64, symbol: &str, unit: &str, is_level: bool) -> Result<f64
     };
     if unit.ends_with("/sqrt(Hz)") && symbol.contains("/sqrt(") {
         unfit.help = Some(format!(
-            "a density of this signal is in {unit}; N of IEEE 952, as deg/sqrt(h), is one of a rate, such as rad/s"
+            "a density of this signal is in {unit}; N of IEEE 952, such as deg/sqrt(h), applies to a rate, such as rad/s"
         ));
     }
     Err(unfit)
 }
 
-/// A unit that begins with parts of standard gravity: how many make one, and the unit with m/s2 instead.
+/// Splits a unit that begins with parts of standard gravity: the number of parts in one, and the unit with m/s2
+/// instead.
 fn gravities(symbol: &str) -> Option<(f64, String)> {
     let parts = [
         ("g", 1.0),

@@ -32,7 +32,7 @@ pub(crate) use effect::unit_of;
 use kind::FaultKind;
 pub(crate) use target::groups;
 
-/// Context that faults are checked against. A part that is `None` is itself faulty; anything that depends on it is not
+/// Context against which faults are checked. A part that is `None` is itself faulty; anything that depends on it is not
 /// checked.
 #[derive(Debug)]
 pub(crate) struct EventContext<'a> {
@@ -44,7 +44,7 @@ pub(crate) struct EventContext<'a> {
     pub healthy: Option<&'a Settings>,
     /// Reference signals.
     pub reference: Option<&'a [Field]>,
-    /// Columns that expressions may name: a record's signals and every derived one.
+    /// Columns that expressions may name: a record's signals and every derived signal.
     pub columns: Option<&'a Columns>,
     /// Steps of the run.
     pub grid: Option<Grid>,
@@ -84,7 +84,7 @@ impl<'a> Origin<'a> {
         }
     }
 
-    /// Returns the folder that file paths are relative to; `None` if files are refused.
+    /// Returns the folder to which file paths are relative; `None` if files are refused.
     const fn folder(self) -> Option<&'a Path> {
         match self {
             Self::Scenario { folder } => Some(folder),
@@ -131,7 +131,7 @@ fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
         && matches!(&entry.node.value, Value::List(items) if items.is_empty())
     {
         let path = section.path_of("effects");
-        let message = format!("`{path}` is empty: the fault would do nothing");
+        let message = format!("`{path}` is empty, so the fault would have no effect");
         reader
             .report(ProblemKind::MissingKey, path, &entry.node.place, message)
             .expected("at least one effect");
@@ -143,7 +143,7 @@ fn effects<'a>(reader: &mut Reader, section: &Section<'a>) -> Vec<Section<'a>> {
 struct Event<'a> {
     context: &'a EventContext<'a>,
     trigger: Option<&'a Trigger>,
-    /// First step at which it could take effect.
+    /// First step at which the event could take effect.
     earliest: Option<u64>,
 }
 

@@ -1,4 +1,4 @@
-//! `[[sensors]]` and `[[actuators]]`: signals that exist, keys that go together, values that the run can have.
+//! `[[sensors]]` and `[[actuators]]`: existing signals, consistent keys, and values that the run can have.
 
 use std::collections::BTreeSet;
 
@@ -16,10 +16,10 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Longest delay, in steps, as of the stage.
+/// Longest delay in steps, equal to that of the stage.
 const MOST_STEPS: f64 = 1e5;
 
-/// Keys that need another one beside them.
+/// Keys that need another key.
 const OWNERS: [(&str, &str); 4] = [
     ("bias_tau_s", "bias_sigma"),
     ("lag_damping", "lag_hz"),
@@ -29,7 +29,7 @@ const OWNERS: [(&str, &str); 4] = [
 /// Keys that draw random numbers.
 const NOISE: [&str; 4] = ["bias_sigma", "bias_walk", "noise_density", "noise_sigma"];
 
-/// The sensors and the actuators; `None` if one is not right, or the plant is not known.
+/// Returns the sensors and the actuators; `None` if one of them is faulty or the plant is unknown.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -70,7 +70,7 @@ fn all(
     instruments.into_iter().collect()
 }
 
-/// The signal that an entry names.
+/// Returns the signal that an entry names.
 fn signal<'a>(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -81,7 +81,7 @@ fn signal<'a>(
     let field = fields.iter().find(|field| field.is_called(name));
     if field.is_none() {
         let path = section.path_of("signal");
-        let message = format!("`{path}` is `{name}`, which the plant does not have");
+        let message = format!("`{path}` is `{name}`, which is not a signal of the plant");
         let names = fields.iter().map(|field| field.name.as_str());
         reader
             .report_at(section, "signal", ProblemKind::UnknownName, message)
@@ -139,7 +139,7 @@ fn instrument(
     refuse_noise_on_items(reader, section, field);
     if section.table.entries().len() < 2 {
         let keys = section.keys.iter().map(|key| key.name);
-        let message = format!("`{}` changes nothing", section.path);
+        let message = format!("`{}` has no effect", section.path);
         reader
             .report(
                 ProblemKind::MissingKey,
@@ -155,26 +155,26 @@ fn instrument(
     (reader.problems.len() == before && grid.is_some()).then_some(instrument)
 }
 
-/// Reports keys whose other key is missing, and those that say the same twice.
+/// Reports keys whose companion is missing, and keys that define the same quantity twice.
 fn refuse_combinations(reader: &mut Reader, section: &Section<'_>) {
     let has = |key: &str| section.table.get(key).is_some();
     for (key, owner) in OWNERS {
         if has(key) && !has(owner) {
             let path = section.path_of(key);
-            let message = format!("`{path}` needs `{owner}` beside it");
+            let message = format!("`{path}` needs `{owner}`");
             reader.report_at(section, key, ProblemKind::Mismatch, message);
         }
     }
     if has("bits") && has("resolution") {
         let path = section.path_of("resolution");
-        let message = format!("`{path}` says what `bits` and `range` say already");
+        let message = format!("`{path}` repeats what `bits` and `range` already define");
         reader
             .report_at(section, "resolution", ProblemKind::Mismatch, message)
             .expected("either `bits` or `resolution`");
     }
 }
 
-/// Both ends of the range, which must not be one.
+/// Reads both ends of the range, which must differ.
 fn range(reader: &mut Reader, section: &Section<'_>, scales: &Scales<'_>) -> Option<(f64, f64)> {
     let path = section.path_of("range");
     let node = &section.table.get("range")?.node;
@@ -208,7 +208,7 @@ fn range(reader: &mut Reader, section: &Section<'_>, scales: &Scales<'_>) -> Opt
     None
 }
 
-/// Checks that times are whole steps, and sampling is a whole fraction of the run's rate.
+/// Checks that times are whole steps, and that the sampling rate is a whole fraction of the run's rate.
 fn timing(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -226,8 +226,7 @@ fn timing(
             instrument.values.set("phase_steps", phase as f64);
             if let Some(divisor) = divisor.filter(|divisor| phase >= i64::from(*divisor)) {
                 let path = section.path_of("phase_steps");
-                let message =
-                    format!("`{path}` is {phase}, and a sample comes every {divisor} steps");
+                let message = format!("`{path}` is {phase}, but samples are {divisor} steps apart");
                 reader
                     .report_at(section, "phase_steps", ProblemKind::OutOfRange, message)
                     .expected(format!("a whole number from 0 to {}", divisor - 1));
@@ -268,7 +267,7 @@ fn timing(
     }
 }
 
-/// The other signals that leak into this one.
+/// Returns the other signals that leak into this one.
 fn cross(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -309,7 +308,7 @@ fn cross(
     instrument.cross = shares;
 }
 
-/// Reports noise on a signal that has a few values only.
+/// Reports noise on a signal that has only a few values.
 fn refuse_noise_on_items(reader: &mut Reader, section: &Section<'_>, field: &Field) {
     if !field.is_discrete {
         return;
@@ -320,7 +319,7 @@ fn refuse_noise_on_items(reader: &mut Reader, section: &Section<'_>, field: &Fie
         }
         let path = section.path_of(key);
         let message = format!(
-            "`{path}`: `{}` is an enumeration or a truth, which has no noise",
+            "`{path}`: `{}` is an enumeration or a Boolean, which cannot have noise",
             field.name
         );
         reader

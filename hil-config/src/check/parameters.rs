@@ -1,7 +1,7 @@
 //! Tables whose keys come from a description: parameters of plants and laws.
 //!
-//! A key is a full name, dotted, quoted or as nested tables, or only its last part, which sets every parameter with
-//! that ending unless one has exactly that name. The longer key wins, whatever the order.
+//! A key is a full name (dotted, quoted or as nested tables) or only its last part, which sets every parameter with
+//! that ending, unless a parameter has exactly that name. The longer key wins, whatever the order.
 
 use std::collections::BTreeMap;
 
@@ -67,10 +67,10 @@ pub(super) fn given(
 /// Value of a variable, with its key.
 pub(super) struct Written {
     key: String,
-    /// Number of parts of the key; a full name has more than any.
+    /// Number of parts of the key; a full name counts more than any part.
     parts: usize,
     value: f64,
-    /// True if it was given by a flag, which overrides the file.
+    /// `true` if a flag gave the value, which then overrides the file.
     is_flag: bool,
 }
 
@@ -88,8 +88,8 @@ impl Written {
         }
     }
 
-    /// Returns `true` if this value overrides the earlier one: a longer key overrides a shorter one, and a flag overrides
-    /// the file.
+    /// Returns `true` if this value overrides the earlier one: a longer key overrides a shorter key, and a flag
+    /// overrides the file.
     ///
     /// # Errors
     /// If two names of one variable give it two values.
@@ -103,7 +103,7 @@ impl Written {
         if earlier.parts == self.parts && earlier.value != self.value {
             let (this, other) = (number(self.value), number(earlier.value));
             return Err(format!(
-                "`{}` is {this} and `{}` is {other}, but both are names of one variable",
+                "`{}` is {this} but `{}` is {other}, although both are names of one variable; keep only one of them",
                 self.key, earlier.key
             ));
         }
@@ -111,7 +111,7 @@ impl Written {
     }
 }
 
-/// Returns all values: given, else `fallback`, else the field's default. A field without any is reported.
+/// Returns all values: as given, else from `fallback`, else the field's default. A field without a value is reported.
 pub(super) fn complete(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -136,7 +136,7 @@ pub(super) fn complete(
     settings
 }
 
-/// Returns what a key names: the item of exactly that name, or else all items with that ending.
+/// Returns the items that a key names: the item of exactly that name, or else all items with that ending.
 pub(super) fn named<'a, T, N: Iterator<Item = &'a str>>(
     all: &'a [T],
     names: impl Fn(&'a T) -> N,

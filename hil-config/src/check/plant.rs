@@ -74,7 +74,7 @@ pub(super) fn check(
     })
 }
 
-/// Returns every command of the plant: as written, else 0.
+/// Returns every command of the plant: as given, else 0.
 fn safe_command(
     reader: &mut Reader,
     section: Option<&Section<'_>>,

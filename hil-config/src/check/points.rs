@@ -8,7 +8,7 @@ use super::csv;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// Times in s, strictly rising, and as many values.
+/// Times in s, strictly ascending, and as many values.
 pub(super) type Points = (Vec<f64>, Vec<f64>);
 
 /// Layout of a file of points.
@@ -18,7 +18,7 @@ const FILE: csv::Layout = csv::Layout {
     row: "point",
 };
 
-/// Returns the points of a section, which describes `what`. Without a folder files are refused.
+/// Returns the points of a section, which describes `what`. Without a folder, files are refused.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -35,7 +35,8 @@ pub(super) fn check(
         }
         _ => {
             let path = section.path_of("file");
-            let message = format!("{what} of kind `table` needs its points once");
+            let message =
+                format!("{what} of kind `table` must define its points in exactly one way");
             reader
                 .report(
                     ProblemKind::Mismatch,
@@ -49,7 +50,7 @@ pub(super) fn check(
     }
 }
 
-/// Time span in which a table has an effect: from 0 to an end, on its own scale.
+/// Time span in which a table has an effect: from 0 to an end, on the table's own scale.
 pub(super) struct Span {
     end_s: f64,
     /// Description of the span, to follow "the table goes from 3 to 4 s and".
@@ -63,7 +64,7 @@ impl Span {
         Self { end_s, words }
     }
 
-    /// Returns the span of an effect that is followed by at most `left_s` of the run.
+    /// Returns the span of an effect that begins at most `left_s` before the end of the run.
     pub(super) fn of_effect(left_s: f64) -> Self {
         let words = format!(
             "counts from the beginning of the effect, after which the run lasts for at most {} s",
@@ -99,7 +100,7 @@ pub(super) fn refuse_outside(
     );
     reader
         .report_at(section, key, ProblemKind::OutOfRange, message)
-        .expected("times that overlap the run; before its first point a table has the first value, after its last the last");
+        .expected("times that overlap the run; before its first point a table keeps the first value, and after its last point the last value");
     None
 }
 
@@ -122,7 +123,7 @@ fn lists(
     };
     reader
         .report_at(section, "time_s", ProblemKind::Mismatch, message)
-        .expected("at least one point, times strictly rising, as many values as times");
+        .expected("at least one point, times strictly ascending, and as many values as times");
     None
 }
 
@@ -133,7 +134,7 @@ fn file(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Op
         if let Some(&last) = time_s.last()
             && time <= last
         {
-            return Err((follows(time, last), "times strictly rising"));
+            return Err((follows(time, last), "times strictly ascending"));
         }
         time_s.push(time);
         values.push(value);

@@ -73,7 +73,7 @@ fn section_of<'a>(
     })
 }
 
-/// Returns the value of a boolean key; `false` for anything else, which is reported.
+/// Returns the value of a boolean key; `false` for any other value, which is reported.
 fn flag(reader: &mut Reader, path: &str, node: &Node) -> bool {
     let Value::Boolean(value) = node.value else {
         let expected = describe(&crate::keys::KeyKind::Boolean { default: false });
@@ -91,7 +91,7 @@ fn entry_of<'a>(root: &Section<'a>, table: &str, key: &str) -> Option<&'a Node> 
     Some(&table.get(key)?.node)
 }
 
-/// Returns the texts of a list, at least one.
+/// Returns the texts of a list, which must not be empty.
 fn texts(reader: &mut Reader, path: &str, node: &Node) -> Vec<String> {
     let expected = describe(&crate::keys::KeyKind::Texts);
     let items = match &node.value {

@@ -1,5 +1,5 @@
-//! `[realtime]`: settings requested from the system. The existence of the cores is not checked: a scenario may be
-//! checked on another machine than it runs on.
+//! `[realtime]`: settings requested from the system. The existence of the cores is not checked, because a scenario may
+//! be checked on another machine than the one on which it runs.
 
 use shared_types::wait::WaitStrategy;
 
@@ -43,12 +43,12 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> Option<Realtime>
     Some(realtime)
 }
 
-/// Ranges begin at 0 and end far below the limit.
+/// Converts a value to `u32`: ranges begin at 0 and end far below the limit.
 fn as_u32(value: i64) -> u32 {
     u32::try_from(value).unwrap_or(u32::MAX)
 }
 
-/// Refuses settings under which one side would keep the other from its core.
+/// Refuses settings under which one side would keep the other side from running on its core.
 fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realtime) {
     let mut mismatch = |key, message: String, expected| {
         (reader.report_at(section, key, ProblemKind::Mismatch, message)).expected(expected);
@@ -58,7 +58,7 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
     {
         mismatch(
             "wait",
-            format!("plant and controller share core {core} and neither would yield it"),
+            format!("plant and controller share core {core}, and neither would yield it"),
             "`yield` or `hybrid`, or a core for each side",
         );
     }
@@ -70,10 +70,10 @@ fn refuse_blocking(reader: &mut Reader, section: &Section<'_>, realtime: &Realti
         mismatch(
             "recorder_core",
             format!(
-                "core {core} belongs to a loop of priority {}",
+                "core {core} is used by a loop of priority {}",
                 realtime.priority
             ),
-            "another core: the recorder has ordinary priority and would hardly ever run",
+            "another core, because the recorder has ordinary priority and would hardly ever run",
         );
     }
 }

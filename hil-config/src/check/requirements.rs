@@ -13,7 +13,7 @@ use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
 /// Returns the valid requirements and reports the others. Without columns, because plant, law or stimuli are faulty,
-/// names are not looked up, and without a grid windows are not.
+/// names are not looked up, and without a grid windows are not checked.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,

@@ -26,7 +26,7 @@ impl Grid {
     }
 }
 
-/// Returns the grid, which the other parts need even if seed or clock are faulty, and the whole section.
+/// Returns the whole section, and the grid, which the other parts need even if seed or clock are faulty.
 pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, Option<Run>) {
     let Some(section) = reader.section(root, "run") else {
         return (None, None);

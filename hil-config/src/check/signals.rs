@@ -15,7 +15,7 @@ use crate::plan::{Derived, Metric, Published, Window};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// Metric whose kind is an analysis, to be checked once stimuli and faults have been.
+/// Metric whose kind is an analysis, which is checked after stimuli and faults.
 pub(super) struct Analysed<'a> {
     pub(super) name: &'a str,
     pub(super) kind: &'a str,
@@ -150,8 +150,8 @@ fn name<'a>(
     Some(name)
 }
 
-/// Returns the unit under the key `unit`, or else that of the expression among these columns, or else that of the
-/// name's suffix.
+/// Returns the unit under the key `unit`. Without that key, returns the unit of the expression among these columns, or
+/// that of the name's suffix.
 pub(super) fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -181,7 +181,7 @@ fn known_unit<'a>(context: Option<(&'a Expression, &'a Columns)>) -> Option<Unit
 enum Use {
     /// A value at every step.
     Signal,
-    /// A value per window.
+    /// A value for each window.
     Metric,
 }
 
@@ -226,7 +226,7 @@ fn expression(
     for error in &errors {
         let name = &text[error.span.clone()];
         let is_later = later.contains(name);
-        let help = is_later.then_some("a derived signal may use only those above it");
+        let help = is_later.then_some("a derived signal may use only those defined above it");
         report(reader, section, key, text, error, help);
     }
     expression.filter(|_| errors.is_empty())

@@ -81,7 +81,7 @@ fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
     None
 }
 
-/// Returns the unit: as written, or expected by the law, or of the name's suffix.
+/// Returns the unit: as given, or as expected by the law, or as implied by the name's suffix.
 fn unit(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -189,7 +189,7 @@ fn waveform(
     Some(waveform)
 }
 
-/// Returns the sweep of this name; a logarithmic one needs a ratio of frequencies.
+/// Returns the sweep of this name; a logarithmic sweep needs a ratio of frequencies.
 fn sweep_between(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -203,7 +203,7 @@ fn sweep_between(
     }
     let path = section.path_of("sweep");
     let message = format!(
-        "`{path}` is logarithmic from {} to {} Hz",
+        "`{path}` is a logarithmic sweep from {} to {} Hz",
         number(start_hz),
         number(end_hz)
     );
@@ -229,7 +229,10 @@ fn in_run(
         return Some(at_s);
     }
     let path = section.path_of("at_s");
-    let message = format!("`{path}` is {}, after the end of the run", number(at_s));
+    let message = format!(
+        "`{path}` is {}, which is after the end of the run",
+        number(at_s)
+    );
     reader
         .report_at(section, "at_s", ProblemKind::OutOfRange, message)
         .expected(format!("a time from 0 to {} in s", number(end_s)));

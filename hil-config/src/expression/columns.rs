@@ -29,7 +29,7 @@ pub enum Group {
     Stimulus,
     /// Effective values of the plant's faultable parameters, `parameter.x`.
     Parameter,
-    /// Derived from the others, `x`.
+    /// Value derived from other signals, `x`.
     Derived,
 }
 
@@ -150,7 +150,7 @@ impl Columns {
         self.names.iter().map(String::as_str)
     }
 
-    /// Returns the index of a name as written in expressions, for example `truth.surface_angle_rad`; aliases count as
+    /// Returns the index of a name as used in expressions, for example `truth.surface_angle_rad`; aliases count as
     /// well.
     #[must_use]
     pub fn index_of(&self, path: &str) -> Option<usize> {
@@ -158,8 +158,8 @@ impl Columns {
         place.copied()
     }
 
-    /// Returns the column's own name for any name of its signal; recordings have no other. An unknown name is returned
-    /// unchanged.
+    /// Returns the column's own name for any name of its signal, because recordings have no other. An unknown name is
+    /// returned unchanged.
     #[must_use]
     pub fn own_name<'a>(&'a self, path: &'a str) -> &'a str {
         let place = self
@@ -196,8 +196,8 @@ impl Columns {
         Group::ALL.iter().any(|group| group.prefix() == prefix)
     }
 
-    /// Returns the names closest to an unknown one: those of its group if there are any; otherwise those of other
-    /// groups, the ones with the same ending first.
+    /// Returns the names closest to an unknown one: names of its group if it has a group; otherwise names of other
+    /// groups, beginning with those that have the same ending.
     pub(crate) fn nearest(&self, path: &str) -> Vec<String> {
         let names = self.names.iter().map(String::as_str);
         let owned = |close_names: Vec<&str>| {

@@ -13,7 +13,7 @@ const NESTING: usize = 64;
 /// Position in a text that is split into tokens.
 pub(crate) struct Cursor<'a> {
     pub text: &'a str,
-    /// Tokens; the last one is [`TokenKind::End`].
+    /// Tokens, of which the last is [`TokenKind::End`].
     pub tokens: Vec<Token>,
     /// Index of the next token.
     pub at: usize,
@@ -73,7 +73,7 @@ impl<'a> Cursor<'a> {
         }
     }
 
-    /// Enters a nesting level; deep nesting must not exhaust the stack.
+    /// Enters a nesting level; the limit keeps deep nesting from exhausting the stack.
     pub(crate) fn nest(&mut self) -> Result<(), ExpressionError> {
         if self.nesting == NESTING {
             let message = format!("nesting deeper than {NESTING} levels");

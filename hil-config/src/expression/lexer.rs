@@ -41,7 +41,7 @@ const SYMBOLS: [&str; 15] = [
     "<=", ">=", "==", "!=", "<", ">", "+", "-", "*", "/", "(", ")", "[", "]", ",",
 ];
 
-/// Splits an expression into tokens; the last one is [`TokenKind::End`].
+/// Splits an expression into tokens, of which the last is [`TokenKind::End`].
 pub(crate) fn tokens(text: &str) -> Result<Vec<Token>, ExpressionError> {
     let mut tokens = Vec::new();
     let mut at = 0;
@@ -106,7 +106,7 @@ fn starts_name(c: char) -> bool {
     c.is_ascii_alphabetic() || c == '_'
 }
 
-/// Reads a number, with its unit if one follows, and its length.
+/// Reads a number with its unit, if there is one; also returns the length.
 fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> {
     let rest = &text[at..];
     if let Some((length, message)) = spellings::of_range(rest) {

@@ -56,7 +56,7 @@ pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
         .any(|ops| needed_stack(ops) > STACK)
     {
         let message = format!(
-            "more than {STACK} values wait for their operator; use a derived signal for a part"
+            "more than {STACK} values wait for their operator; move a part into a derived signal"
         );
         return Err(expression.error(0..text.len(), &message));
     }
@@ -64,7 +64,7 @@ pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
         && let Some(name) = expression.names.iter().find(|name| !name.reduced)
     {
         let message = format!(
-            "`{}` has a value for every step and cannot stand beside a reduction",
+            "`{}` has a value at every step and cannot be combined with a reduction",
             name.path
         );
         return Err(expression.error(name.span.clone(), &message));

@@ -1,6 +1,6 @@
 //! Bound expression as a short list of operations on a stack.
 //!
-//! Evaluated once per record for every derived signal and reduction. The parser has checked the needed stack size
+//! Evaluated once per record for every derived signal and reduction. The parser has checked the required stack size
 //! against a fixed maximum, so nothing is allocated.
 
 /// Maximum number of values waiting for their operator.
@@ -45,7 +45,7 @@ pub(super) enum Binary {
     Or,
 }
 
-/// Stack height that suffices for nearly all expressions: clearing a stack takes time.
+/// Stack height that suffices for nearly all expressions, because clearing a stack takes time.
 const LOW: usize = 4;
 
 /// Expression bound to columns.
@@ -82,7 +82,7 @@ impl Program {
     /// Evaluates the program on a row.
     ///
     /// # Panics
-    /// If the row is shorter than the columns that the program was bound to.
+    /// If the row is shorter than the columns to which the program is bound.
     #[must_use]
     #[inline]
     pub fn evaluate(&self, row: &[f64]) -> f64 {

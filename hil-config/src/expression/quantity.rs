@@ -1,8 +1,8 @@
 //! Numbers with units: `5 cm`, `2%`, `500 ms`.
 //!
-//! A number with a unit counts in coherent SI units, so `5 cm` is 0.05 in any comparison; the unit check refuses it
-//! beside a signal in another unit. Independent of the signals: a formula has one meaning for the check, the plant and
-//! every reader of a recording.
+//! A number with a unit counts in coherent SI units, so `5 cm` is 0.05 in any comparison; the unit check refuses to
+//! combine it with a signal in another unit. Independent of the signals: a formula has one meaning for the check, the
+//! plant and every reader of a recording.
 //!
 //! A unit follows its number with or without a space. A `/` belongs to the unit only without spaces around it and
 //! before another unit: `5 m/s` is a speed, `5 m / s` a quotient.
@@ -37,7 +37,7 @@ impl Quantity {
         (self.unit.coherent() == "s").then(|| self.value())
     }
 
-    /// Returns advice to write the symbol without spaces, if that makes it a unit of time.
+    /// Returns advice to write the symbol without spaces, if the result is a unit of time.
     pub(crate) fn joined_time(&self) -> Option<String> {
         let symbol: String = self.symbol.split(' ').collect();
         let unit = Unit::parse(&symbol).ok()?;

@@ -120,7 +120,7 @@ impl Accumulator {
         self.rows += 1;
     }
 
-    /// Returns the result over the rows so far; NaN over none.
+    /// Returns the result over the rows so far; NaN if there are none.
     #[must_use]
     pub fn result(&self) -> f64 {
         if self.rows == 0 {
@@ -141,7 +141,7 @@ impl Accumulator {
     }
 }
 
-/// Compensated sum (Neumaier 1974), so that the mean of a day at 10 kHz is as accurate as that of a second.
+/// Compensated sum (Neumaier 1974): the mean of a day at 10 kHz is as accurate as the mean of a second.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sum {
     sum: f64,

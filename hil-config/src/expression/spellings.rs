@@ -1,8 +1,8 @@
 //! Spellings of other languages: the equivalents of foreign symbols, operators and functions.
 //!
-//! Consulted only for a text that is refused anyway, so that no signal name is mistaken for one of them.
+//! Consulted only for a text that is refused anyway, so that no signal name is mistaken for foreign syntax.
 
-/// Symbols of other languages and their equivalents; longer ones first.
+/// Symbols of other languages and their equivalents, the longer ones first.
 const SYMBOLS: [(&str, &str); 20] = [
     ("&&", "and"),
     ("||", "or"),
@@ -154,8 +154,8 @@ pub(super) fn of_percentage(symbol: &str) -> Option<&str> {
     (!factors.is_empty() && !is_quotient).then_some(factors)
 }
 
-/// Converts a leading magnitude between bars into a call of `abs`, and returns its length. Bars may be nested: after an
-/// operand a bar closes, elsewhere it opens.
+/// Converts a leading magnitude between bars into a call of `abs`, and returns its length. Bars may be nested: a bar
+/// closes a magnitude after an operand and opens one elsewhere.
 fn magnitude(text: &str) -> Option<(usize, String)> {
     text.strip_prefix('|')?;
     let mut call = String::new();
@@ -218,7 +218,7 @@ pub(crate) fn of_function(name: &str) -> Option<String> {
         .find_map(|unit| name.strip_suffix(unit));
     let kind = named(&FIGURES, stem.unwrap_or(name))?;
     Some(format!(
-        "`{name}` is no function but a figure of a metric; write a [[metrics]] with kind = \"{kind}\""
+        "`{name}` is not a function but a figure of a metric; add a [[metrics]] with kind = \"{kind}\""
     ))
 }
 

@@ -1,4 +1,4 @@
-//! Units of expressions, as far as they are known.
+//! Units of expressions, as far as known.
 
 mod agreement;
 
@@ -12,7 +12,7 @@ use super::quantity::Quantity;
 use super::{Columns, Expression, ExpressionError, Name, Reduced, ReductionKind};
 use agreement::{Agreement, agreement, may_convert, refuse_converted};
 
-/// Unit of a value, as far as it is known.
+/// Unit of a value, as far as known.
 #[derive(Clone, Debug)]
 pub(crate) enum Unit<'a> {
     /// Plain number, compatible with every unit.
@@ -20,10 +20,10 @@ pub(crate) enum Unit<'a> {
         /// `true` for a literal 1, which as a factor removes the unit on purpose.
         is_one: bool,
     },
-    /// Value that may be in another unit than SI's, such as a derived signal without a unit that a factor scales:
-    /// compatible with everything but a number with a unit.
+    /// Value that may be in another unit than SI's, for example a derived signal without a unit that a factor scales.
+    /// Compatible with everything except a number with a unit.
     Converted {
-        /// Part that a factor or another unit applies to.
+        /// Part of the expression to which a factor or another unit applies.
         source: Source<'a>,
     },
     /// Unknown: a product or quotient of two quantities, a truth value, or a signal without a unit.
@@ -57,14 +57,14 @@ impl Scale {
     }
 }
 
-/// Part of an expression that a unit comes from.
+/// Part of an expression that determines a unit.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Source<'a> {
     /// A signal.
     Signal(&'a Name),
     /// Number with a unit.
     Quantity(&'a Quantity),
-    /// An integral: its unit is displayed, but not compared with that of signals, as J and W s are equal.
+    /// An integral: its unit is displayed, but not compared with the unit of signals, because J and W s are equal.
     Integral,
 }
 
@@ -96,7 +96,7 @@ impl Source<'_> {
 }
 
 impl<'a> Unit<'a> {
-    /// Creates the unit of a number with a unit: the coherent one, in which its value counts.
+    /// Creates the unit of a number with a unit: the coherent unit, in which the value counts.
     fn of_quantity(quantity: &'a Quantity) -> Self {
         let symbol = match quantity.unit.is_coherent() {
             true => quantity.symbol.as_str().into(),
@@ -125,7 +125,7 @@ impl<'a> Unit<'a> {
     /// Returns the common unit of two values that are `joined`, as in "added".
     ///
     /// # Errors
-    /// If both are known and differ.
+    /// If both units are known and differ.
     pub(crate) fn with(self, other: Self, joined: &str) -> Result<Self, Mixed> {
         refuse_converted(&self, &other)?;
         let (a, b) = match (self, other) {
@@ -186,7 +186,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// Returns the unit of a product: that of one factor if the other is a plain number.
+    /// Returns the unit of a product: the unit of one factor if the other is a plain number.
     fn times(self, other: Self) -> Result<Self, Mixed> {
         match (self, other) {
             (Self::Number { is_one }, unit) | (unit, Self::Number { is_one }) => {
@@ -200,7 +200,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// Returns the unit of a quotient: that of the dividend if the divisor is a plain number.
+    /// Returns the unit of a quotient: the unit of the dividend if the divisor is a plain number.
     fn per(self, divisor: &Self) -> Result<Self, Mixed> {
         match divisor.scale() {
             Some(scale) => Ok(self.scaled(scale)),
@@ -208,7 +208,7 @@ impl<'a> Unit<'a> {
         }
     }
 
-    /// Returns the unit of a product or quotient of two values, neither a plain number.
+    /// Returns the unit of a product or quotient of two values, neither of which is a plain number.
     ///
     /// # Errors
     /// If a number with a unit is combined with a value that is not in SI units.
@@ -239,7 +239,7 @@ impl<'a> Unit<'a> {
         Ok(Self::Unknown)
     }
 
-    /// Returns how the value scales another one; `None` if it may have a unit.
+    /// Returns the way in which the value scales another value; `None` if the value may have a unit.
     fn scale(&self) -> Option<Scale> {
         match self {
             Self::Number { is_one } => Some(Scale::by_number(*is_one)),
@@ -306,11 +306,11 @@ impl<'a> Unit<'a> {
 }
 
 impl Expression {
-    /// Returns the unit of its value among these columns. An integral over time has that of its expression times s,
-    /// every other reduction that of its expression.
+    /// Returns the unit of the reduction's value among these columns. An integral over time has the unit of its
+    /// expression times s; every other reduction has the unit of its expression.
     ///
     /// # Errors
-    /// If it adds, subtracts or compares values of different known units.
+    /// If the expression adds, subtracts or compares values of different known units.
     pub(crate) fn unit<'a>(&'a self, columns: &'a Columns) -> Result<Unit<'a>, ExpressionError> {
         self.unit_of_ops(&self.ops, columns)
     }

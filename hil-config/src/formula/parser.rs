@@ -12,7 +12,7 @@ use crate::expression::lexer::{JOINTS, PREFIXES, Token, TokenKind};
 use crate::expression::spellings;
 use crate::expression::{Expression, ExpressionError, functions, is_reserved};
 
-/// Returns `true` if a name is a formula operator and so cannot be a signal's.
+/// Returns `true` if a name is a formula operator and so cannot be the name of a signal.
 pub(crate) fn is_operator(name: &str) -> bool {
     PREFIXES.contains(&name) || JOINTS.contains(&name)
 }
@@ -218,7 +218,7 @@ impl Parser<'_> {
             }
         }
         if left.expression.is_constant() && right.expression.is_constant() {
-            let message = "it compares numbers and no signal, and so does not depend on the run";
+            let message = "the comparison has only numbers and no signal, so it does not depend on the run; compare a signal";
             return Err(self.words.error(span, message));
         }
         self.words.at = end;
@@ -281,7 +281,7 @@ impl Parser<'_> {
         self.words.error(span, message)
     }
 
-    /// Parses optional bounds; `word` is the operator that they belong to.
+    /// Parses optional bounds; `word` is the operator to which they belong.
     fn window(&mut self, word: Range<usize>) -> Result<Window, ExpressionError> {
         let open = self.words.peek().span.clone();
         if !self.words.accept("[") {

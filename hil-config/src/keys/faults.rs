@@ -30,13 +30,13 @@ pub(crate) const FAULT: &[Key] = &[
     Key::new(
         "at_s",
         TIME,
-        "Time at which the event takes hold; rounds up to a step.",
+        "Time at which the event takes effect; rounds up to a step.",
     ),
-    Key::new("at_step", count(0), "Step at which the event takes hold."),
+    Key::new("at_step", count(0), "Step at which the event takes effect."),
     Key::new(
         "when",
         TEXT,
-        "Trigger condition: the event takes hold at the step after the record at which this expression has held for `for_s`.",
+        "Trigger condition: the event takes effect at the step after the record at which this expression has held for `for_s`.",
     ),
     Key::new(
         "for_s",
@@ -51,22 +51,22 @@ pub(crate) const FAULT: &[Key] = &[
     Key::new(
         "delay_s",
         TIME_OR_ZERO,
-        "Delay after the earlier event takes hold; rounds up to a step.",
+        "Delay after the earlier event takes effect; rounds up to a step.",
     ),
     Key::new(
         "delay_steps",
         count(0),
-        "Delay after the earlier event takes hold, in steps.",
+        "Delay after the earlier event takes effect, in steps.",
     ),
     Key::new(
         "duration_s",
         LENGTH,
-        "Time that each effect acts from the step at which it takes hold; rounds up to a step. The earliest of several ends counts; without an end the fault stays.",
+        "Time that each effect acts from the step at which it takes effect; rounds up to a step. The earliest of several ends counts; without an end the fault stays.",
     ),
     Key::new(
         "duration_steps",
         count(1),
-        "Number of steps that each effect acts from the step at which it takes hold.",
+        "Number of steps that each effect acts from the step at which it takes effect.",
     ),
     Key::new(
         "end_s",
@@ -82,7 +82,7 @@ pub(crate) const FAULT: &[Key] = &[
     Key::new(
         "until",
         TEXT,
-        "End condition: the event ends when this expression has held for `until_for_s` since the event took hold.",
+        "End condition: the event ends when this expression has held for `until_for_s` since the event took effect.",
     ),
     Key::new(
         "until_for_s",
@@ -104,7 +104,7 @@ pub(crate) const TRIGGERS: [&str; 4] = ["at_s", "at_step", "when", "after"];
 pub(crate) const REQUEST: &[Key] = &[Key::new(
     "faults",
     KeyKind::List(FAULT),
-    "Fault events. An event without a trigger takes hold at once.",
+    "Fault events. An event without a trigger takes effect at once.",
 )
 .required()];
 
@@ -113,17 +113,17 @@ pub(crate) const EFFECT: &[Key] = &[
     Key::new(
         "profile",
         KeyKind::Section(PROFILE),
-        "Course of the effect's size from the step at which the effect takes hold. Default: full size at once, or the profile of the plant's fault.",
+        "Course of the effect's size from the step at which the effect takes effect. Default: full size at once, or the profile of the plant's fault.",
     ),
     Key::new(
         "skew_s",
         TIME_OR_ZERO,
-        "Delay of this effect after the event takes hold.",
+        "Delay of this effect after the event takes effect.",
     ),
     Key::new(
         "skew_steps",
         count(0),
-        "Delay of this effect after the event takes hold, in steps.",
+        "Delay of this effect after the event takes effect, in steps.",
     ),
 ];
 
@@ -198,7 +198,7 @@ pub(crate) const PROFILES: &[SectionKind] = &[
             Key::new(
                 "time_s",
                 KeyKind::Numbers,
-                "Times since the effect took hold, strictly rising.",
+                "Times since the effect took effect, strictly rising.",
             ),
             Key::new("values", KeyKind::Numbers, "Values, as many as times."),
         ],

@@ -4,9 +4,9 @@ use shared_types::time::Rate;
 
 use super::{Key, KeyKind, MAX_S, TEXT, integer};
 
-/// Most bits of a converter: more steps than a double tells apart do not exist.
+/// Maximum number of bits of a converter: a double cannot represent more steps.
 const MOST_BITS: i64 = f64::MANTISSA_DIGITS as i64;
-/// Largest size of a stage in the unit of its signal, as of a fault.
+/// Largest size of a stage in the unit of its signal, as for a fault.
 const LARGEST: f64 = 1e30;
 
 const fn quantity(unit: &'static str, min: f64, max: f64) -> KeyKind {

@@ -101,7 +101,7 @@ pub(crate) const METRICS: &[SectionKind] = &[
             Key::new(
                 "fault",
                 KeyKind::Event,
-                "Name or number of the fault event to detect. Default: the first that takes hold.",
+                "Name or number of the fault event to detect. Default: the first that takes effect.",
             ),
             Key::new(
                 "recovered",

@@ -29,7 +29,7 @@ pub(crate) struct WaveformKind {
     pub derivatives: usize,
     /// Description of the waveform.
     pub text: &'static str,
-    /// Keys. Sizes without a unit are in the target's.
+    /// Keys. Magnitudes without a unit are in the target's unit.
     pub keys: &'static [Key],
 }
 

@@ -1,7 +1,7 @@
-//! From formulas to the parts that evaluate them.
+//! Conversion of formulas into the parts that evaluate them.
 //!
-//! Called once, by [`Monitors::new`](super::Monitors::new). Works from the operands up, to determine each part's
-//! computation and its delay in rows; then from the whole formula down, to determine which steps are needed.
+//! Called once, by [`Monitors::new`](super::Monitors::new). Works from the operands up to determine each part's
+//! computation and its delay in rows, then from the whole formula down to determine the needed steps.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use super::{ComparedSide, FormulaContext, draft};
 use crate::expression::{ExpressionError, Program};
 use crate::formula::{self, Comparison, Formula, Node};
 
-/// Maximum number of margins that a formula may keep: 64 MiB of them.
+/// Maximum number of margins that a formula may keep, which takes 64 MiB.
 const MOST_KEPT: u64 = 1 << 22;
 
 /// Parts of formulas, operands first, and the sides that they compare.
@@ -51,7 +51,7 @@ impl Built {
             return Ok(());
         }
         let message = format!(
-            "it would keep {margins} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
+            "the formula would keep {margins} numbers at a time, more than {MOST_KEPT}: shorten the windows inside other operators"
         );
         Err(formula.error(0..formula.to_string().len(), message))
     }
@@ -81,7 +81,7 @@ struct Builder<'a> {
     formula: &'a Formula,
     context: &'a FormulaContext<'a>,
     built: &'a mut Built,
-    /// Drafts of each node and of its negation: parts that `rise` and `until` need twice are created once.
+    /// Drafts of each node and of its negation: parts that `rise` and `until` need twice are created only once.
     known: Vec<[Option<usize>; 2]>,
 }
 
@@ -91,7 +91,7 @@ type Drafted = Result<usize, ExpressionError>;
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
     node: usize,
-    /// `true` for the part of the node, `false` for that of its negation.
+    /// `true` for the part of the node, `false` for the part of its negation.
     holds: bool,
     /// `true` for a part that is evaluated at step 0 only.
     at_start: bool,
@@ -100,7 +100,7 @@ struct Wanted {
 impl Builder<'_> {
     /// Drafts the part of a formula that ends with this node.
     ///
-    /// Operands come first, using an explicit stack: a chain of `and` is as deep as it is long.
+    /// Operands come first, using an explicit stack, because a chain of `and` is as deep as it is long.
     fn draft(&mut self, node: usize) -> Drafted {
         let whole = Wanted {
             node,
@@ -133,7 +133,7 @@ impl Builder<'_> {
         self.known(wanted).expect("operands are drafted first")
     }
 
-    /// Returns the operands of a node, a single one twice; `None` for a comparison.
+    /// Returns the operands of a node, or a single operand twice; `None` for a comparison.
     fn operands(&self, wanted: Wanted) -> Option<[Wanted; 2]> {
         let Wanted {
             holds, at_start, ..
@@ -309,7 +309,7 @@ impl Builder<'_> {
         Ok(self.push(task, delay.saturating_add_signed(end), until))
     }
 
-    /// Delays a part, so that it is known N rows after each step.
+    /// Delays a part, so that its margin is known N rows after each step.
     fn delayed(&mut self, operand: usize, delay: u64) -> usize {
         let Draft {
             delay: own, until, ..

@@ -1,7 +1,7 @@
 //! Signals, rate and end of the run to which formulas are bound.
 //!
-//! Created once for all formulas of a run, by the check and by its [`Requirements`](crate::requirements); independent
-//! of any formula.
+//! Created once for all formulas of a run, by the check and by the run's [`Requirements`](crate::requirements);
+//! independent of any formula.
 
 use std::collections::HashSet;
 
@@ -70,7 +70,7 @@ impl<'a> FormulaContext<'a> {
             if at_start {
                 return Ok((0, until as i64));
             }
-            let message = "without bounds it extends to the end of the run, as only an outermost operator can; give it bounds, such as [0s,1s]";
+            let message = "without bounds the operator extends to the end of the run, which only an outermost operator can; give it bounds, such as [0s,1s]";
             return Err(message.into());
         };
         let rate = self.rate;
@@ -97,9 +97,9 @@ impl<'a> FormulaContext<'a> {
         let why = if until == *steps {
             format!("the run ends at {last_s} s")
         } else if until + 1 == *steps {
-            format!("the last command is at {last_s} s, a step before the end")
+            format!("the last command is at {last_s} s, one step before the end")
         } else {
-            format!("its operand looks ahead itself and can be evaluated until {last_s} s only")
+            format!("the operand itself looks ahead and can be evaluated only until {last_s} s")
         };
         format!(
             "the window reaches too far: {why}; shorten it, or omit the bounds of an outermost operator to extend it to the end of the run"

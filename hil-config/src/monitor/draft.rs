@@ -15,7 +15,7 @@ use super::window::{Chain, Extreme, Taking};
 pub(super) struct Draft {
     pub task: Task,
     pub delay: u64,
-    /// Last step at which it can be evaluated.
+    /// Last step at which the part can be evaluated.
     pub until: u64,
     /// First and last needed step.
     pub wanted: Option<(u64, u64)>,
@@ -140,7 +140,7 @@ impl Draft {
         });
     }
 
-    /// Returns the number of steps in the part's window if steps ever leave the window.
+    /// Returns the number of steps in the part's window, if steps ever leave the window.
     fn slides(&self) -> Option<u64> {
         let Task::Window { begin, end, .. } = self.task else {
             return None;
@@ -164,12 +164,12 @@ impl Draft {
         }
     }
 
-    /// Returns `true` if only one of its margins is needed.
+    /// Returns `true` if only one margin of the part is needed.
     fn is_single(&self) -> bool {
         self.wanted.is_some_and(|(first, last)| first == last)
     }
 
-    /// Returns the first and last row at which it is active, if any.
+    /// Returns the first and last row at which the part is active, if any.
     fn rows(&self) -> Option<(u64, u64)> {
         let (first, last) = self.wanted?;
         let gives_from = first + self.delay;
@@ -188,7 +188,7 @@ impl Draft {
         Some((from, last + self.delay))
     }
 
-    /// Returns the rows at which a window takes its steps; `None` if it is not a window.
+    /// Returns the rows at which a window takes its steps; `None` for a part that is not a window.
     fn taking(&self) -> Option<Taking> {
         let Task::Window {
             begin, end, delay, ..

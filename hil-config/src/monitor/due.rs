@@ -1,12 +1,12 @@
 //! Work that is due at a row, in lists that change at few rows.
 //!
-//! Part of [`Monitors`](super::Monitors). Only listed items are evaluated, and each is listed once.
+//! Part of [`Monitors`](super::Monitors). Only listed items are evaluated, and each item is listed once.
 
 use super::ComparedSide;
 use super::part::{Comparison, Growing, Join, Part, PartWork};
 
-/// Rows at which a part is active. Ordered by stage: parts use parts of earlier stages and those of their own that come
-/// before them in the lists.
+/// Rows at which a part is active. Ordered by stage: a part uses parts of earlier stages, and parts of its own stage
+/// that precede it in the lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Span {
     pub stage: usize,
@@ -48,7 +48,7 @@ impl Due {
         }
     }
 
-    /// Determines the work that is due from this row on, and the row at which it changes.
+    /// Determines the work that is due from this row on, and the row at which this work changes.
     pub(super) fn turn(
         &mut self,
         row: u64,
@@ -118,7 +118,8 @@ mod tests {
     /// First and last step of each window.
     type Windows = &'static [(u64, u64)];
 
-    /// Formulas over `a`, `b` and `abs(a - b)`, with the steps at which each uses these three; a step is 100 ms.
+    /// Formulas over `a`, `b` and `abs(a - b)`, with the steps at which each formula uses these three; a step is 100
+    /// ms.
     const FORMULAS: [(&str, [Windows; 3]); 7] = [
         ("always[1s,2s] truth.a < 1", [&[(10, 20)], &[], &[]]),
         ("always[0s,500ms](2 > truth.a)", [&[(0, 5)], &[], &[]]),

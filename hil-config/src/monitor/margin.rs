@@ -15,23 +15,22 @@ pub(super) const fn larger(a: f64, b: f64) -> f64 {
 
 /// Robustness combined with the step of its comparison in one number, ordered by value, -0 below +0, then by step.
 /// Under this total order minimum and maximum are distributive, so every way to compute a formula yields the same step.
-///
-/// The upper half is the value in the order of [`f64::total_cmp`], the lower half the step. A size is never NaN: a
-/// missing value fails by minus infinity. The sign is the verdict, so -0 fails and +0 holds.
+/// The upper half is the value in the order of [`f64::total_cmp`], and the lower half is the step. A size is never NaN:
+/// a missing value fails by minus infinity. The sign is the verdict, so -0 fails and +0 holds.
 #[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
 pub(super) struct Margin(i128);
 
 /// Selection of the minimum or maximum of two margins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Choice {
-    /// All bits set for the maximum: inverting all bits of the margins turns it into the minimum.
+    /// All bits set for the maximum: inverting all bits of the margins turns the maximum into the minimum.
     mask: i64,
 }
 
 impl Margin {
-    /// Above every other: `always` over nothing.
+    /// Above every other margin: `always` over nothing.
     pub(super) const TOP: Self = Self::new(f64::INFINITY, 0, u64::MAX);
-    /// Below every other: `eventually` over nothing.
+    /// Below every other margin: `eventually` over nothing.
     pub(super) const BOTTOM: Self = Self(!Self::TOP.0);
 
     /// Creates the margin of a size or, if all bits of `turned` are set, of its negation.

@@ -32,7 +32,7 @@ pub(super) enum PartWork {
     Since(Chained, Chain<Since>),
 }
 
-/// Comparison of two sides, `left < right` or `left == right`, or the negation of one.
+/// Comparison of two sides, `left < right` or `left == right`, or the negation of such a comparison.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Comparison {
     /// Sign bit of `left == right`, which fails by the distance, whichever side is the larger.
@@ -70,9 +70,9 @@ pub(super) struct Chained {
 #[derive(Clone, Debug)]
 pub(super) struct Delay {
     pub operand: usize,
-    /// Last row at which it takes a margin of the operand.
+    /// Last row at which the delay takes a margin of the operand.
     pub takes_until: u64,
-    /// First row at which it returns one.
+    /// First row at which the delay returns a margin.
     pub gives_from: u64,
     pub kept: Vec<Margin>,
     pub next_in: usize,
@@ -94,8 +94,8 @@ impl Part {
         row >= self.done_at
     }
 
-    /// Processes a row; `operands` are the latest margins of the earlier parts, `own` receives its own. Returns `true`
-    /// if a margin became certain before it is computed.
+    /// Processes a row; `operands` has the latest margins of the earlier parts, `own` receives the margin of this part.
+    /// Returns `true` if a margin became certain before it is computed.
     #[inline]
     pub(super) fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) -> bool {
         match &mut self.work {
@@ -116,7 +116,7 @@ impl Part {
         false
     }
 
-    /// Returns the operands that it joins or delays, whose margins it shares.
+    /// Returns the operands that the part joins or delays and whose margins it shares.
     pub(super) const fn joined(&self) -> [Option<usize>; 2] {
         match self.work {
             PartWork::Join(Join { a, b, .. }) => [Some(a), Some(b)],
@@ -125,8 +125,8 @@ impl Part {
         }
     }
 
-    /// Returns the early certainty of its only margin; `of` has that of each earlier part and `own` is its margin so
-    /// far.
+    /// Returns the early certainty of the part's only margin; `of` has the certainty of each earlier part and `own` the
+    /// margin so far.
     pub(super) fn certain(&self, of: &[Option<bool>], own: Margin) -> Option<bool> {
         match &self.work {
             // A minimum fails as soon as one operand fails, a maximum holds as soon as one holds.
@@ -148,7 +148,8 @@ impl Part {
         }
     }
 
-    /// Returns early bounds on its only margin; `of` are those of each earlier part and `own` is its margin so far.
+    /// Returns early bounds on the part's only margin; `of` has the bounds of each earlier part and `own` the margin so
+    /// far.
     pub(super) fn bounds(&self, of: &[[f64; 2]], own: Margin) -> [f64; 2] {
         match &self.work {
             PartWork::Growing(Growing { choice, .. }) => {
@@ -169,7 +170,7 @@ impl Part {
         }
     }
 
-    /// Returns its heap memory in bytes.
+    /// Returns the part's heap memory in bytes.
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.work {
             PartWork::Comparison(_) | PartWork::Join(_) | PartWork::Growing(_) => 0,
@@ -216,7 +217,7 @@ impl Comparison {
         self.margin_of(difference, step)
     }
 
-    /// Computes the margin without branches, as the processor could not predict the order of comparisons.
+    /// Computes the margin without branches, because the processor could not predict the order of comparisons.
     #[inline]
     fn margin_of(self, difference: f64, step: u64) -> Margin {
         // The sum is never negative zero: of equal sides `==` and `>=` hold, `!=` and `<` fail.

@@ -14,7 +14,7 @@ use super::margin::{self, Choice, Margin, larger};
 pub(super) struct Extreme {
     pub choice: Choice,
     pub taking: Taking,
-    /// Steps that no later one dominates, each with the row at which it was taken, ordered by row and by margin alike.
+    /// Steps that no later step dominates, each with the row at which it was taken, ordered both by row and by margin.
     /// Never more than the initial capacity.
     pub candidates: VecDeque<(u64, Margin)>,
 }
@@ -82,7 +82,7 @@ pub(super) trait Stretch: Copy {
 pub(super) struct Until {
     /// Minimum margin of `f`.
     hold: Margin,
-    /// Maximum, over all steps, of the margin of `g` there and of `f` before.
+    /// Maximum, over all steps, of the margin of `g` at the step and of `f` before it.
     reach: Margin,
 }
 
@@ -91,7 +91,7 @@ pub(super) struct Until {
 pub(super) struct Since {
     /// Minimum margin of `f`.
     hold: Margin,
-    /// Maximum, over all steps, of the margin of `g` there and of `f` after.
+    /// Maximum, over all steps, of the margin of `g` at the step and of `f` after it.
     reach: Margin,
 }
 
@@ -183,7 +183,7 @@ pub(super) enum Steps<S> {
 /// Sliding window. Its contents never exceed the initial capacity.
 #[derive(Clone, Debug)]
 pub(super) struct Sliding<S> {
-    /// Row at which the oldest step in it was taken.
+    /// Row at which the window's oldest step was taken.
     oldest: u64,
     /// Combined result of each older step and all later ones in this stack, the oldest on top.
     front: Vec<S>,
@@ -246,7 +246,7 @@ impl<S: Stretch> Chain<S> {
         }
     }
 
-    /// Returns its heap memory in bytes.
+    /// Returns the window's heap memory in bytes.
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.steps {
             Steps::Growing(_) => 0,

@@ -1,4 +1,4 @@
-//! Predefined analyses: several figures that no single reduction gives.
+//! Predefined analyses: several figures that no single reduction can compute.
 
 use shared_types::time::Step;
 
@@ -82,9 +82,9 @@ pub struct FrequencyResponsePlan {
 pub struct DetectionPlan {
     /// Expression that holds while the law sees a fault.
     pub alarm: Expression,
-    /// Number of consecutive records at which it must hold to count as an alarm, at least 1.
+    /// Number of consecutive records at which the alarm's expression must hold, at least 1.
     pub records: u64,
-    /// Event to detect; the first that takes effect if none is named.
+    /// Event to detect; if none is named, the first event that takes effect.
     pub fault: Option<u32>,
     /// Expression that holds while the fault is overcome.
     pub recovered: Option<Expression>,

@@ -26,7 +26,7 @@ pub struct Change {
     /// Steps until the values are reached; 0 means at once.
     #[serde(default)]
     pub ramp_steps: u64,
-    /// `true` if it was requested during the run.
+    /// `true` if the change was requested during the run.
     #[serde(default)]
     pub live: bool,
     /// New values by the full names of their keys, sorted by name.

@@ -9,7 +9,7 @@ use shared_types::time::Step;
 pub struct FaultEvent {
     /// Number in file order, from 1; a live event has the next free one.
     pub id: u32,
-    /// Name that later events refer to, if any.
+    /// Name to which later events refer, if any.
     #[serde(default)]
     pub name: Option<String>,
     /// Kind, for example `leakage`.
@@ -18,7 +18,7 @@ pub struct FaultEvent {
     pub source: FaultSource,
     /// Trigger of the event.
     pub trigger: Trigger,
-    /// Ends of the event, of which the first counts.
+    /// Ends of the event, of which the first to occur counts.
     #[serde(default)]
     pub end: FaultEnd,
     /// Effects.
@@ -48,7 +48,7 @@ pub enum Trigger {
     },
     /// At the next step to begin; live only.
     Now,
-    /// Condition: an expression has held for a while.
+    /// Condition: an expression has held for the required time.
     Condition(Condition),
     /// Number of steps after another event took effect.
     After {
@@ -59,7 +59,7 @@ pub enum Trigger {
     },
 }
 
-/// Expression that must hold. It is computed from the last complete record, so its value at step k acts at step k + 1.
+/// Expression that must hold. The last complete record determines its value, so its value at step k acts at step k + 1.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Condition {
     /// Expression; it holds where its value exists and is not 0.
@@ -68,25 +68,25 @@ pub struct Condition {
     pub records: u64,
 }
 
-/// End of an event: the first of the given ones; never, if there is none.
+/// End of an event: the first of these ends to occur; never, if there are none.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FaultEnd {
-    /// This step, which is healthy again.
+    /// First step without the fault.
     pub step: Option<Step>,
     /// N steps after the beginning of each effect.
     pub after_steps: Option<u64>,
-    /// N actions of each effect: sequences of steps at which it changed a number, or single steps at which it hit a
-    /// message or cost time.
+    /// N actions of each effect: sequences of steps at which the effect changed a number, or single steps at which it
+    /// affected a message or cost time.
     pub occurrences: Option<u64>,
-    /// Condition: an expression has held for a while since the event took effect.
+    /// Condition: an expression has held for the required time since the event took effect.
     pub condition: Option<Condition>,
 }
 
 /// Effect of an event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultEffect {
-    /// Target as scenarios name it: `actuator1`, `measured.surface_angle_rad`, `parameter.actuator1.bulk_modulus_pa`,
+    /// Target as named in scenarios: `actuator1`, `measured.surface_angle_rad`, `parameter.actuator1.bulk_modulus_pa`,
     /// `link.sample`, `controller`.
     pub target: String,
     /// Steps between the event and the beginning of this effect.
@@ -103,7 +103,7 @@ pub struct FaultEffect {
 pub enum FaultAction {
     /// Moves parameters of the plant: one of the plant's own faults.
     Move {
-        /// Sizes as written, by key, for display.
+        /// Magnitudes as given, by key, for display.
         sizes: Settings,
         /// Moves of the parameters.
         moves: Vec<Move>,
@@ -128,7 +128,7 @@ pub struct Move {
     pub by: f64,
 }
 
-/// Course of an effect's size: the factor g(t), with t from the beginning of the effect.
+/// Course of an effect's size: the factor g(t), where t counts from the beginning of the effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Profile {
@@ -165,7 +165,7 @@ pub enum Profile {
     },
     /// Linear interpolation between points, constant before the first and after the last.
     Table {
-        /// Times in s, strictly rising.
+        /// Times in s, strictly ascending.
         time_s: Vec<f64>,
         /// Values, as many as times.
         values: Vec<f64>,

@@ -1,4 +1,4 @@
-//! Instruments: sensors and actuators, and the chains of stages that they are.
+//! Instruments: sensors and actuators, and the chains of stages that they consist of.
 
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ pub struct Stage {
     pub kind: String,
     /// Parameters of the kind.
     pub parameters: Settings,
-    /// List of the kind, rows one after another.
+    /// List of the kind, with its rows one after another.
     pub list: Vec<f64>,
 }
 
@@ -46,20 +46,20 @@ impl Stage {
 }
 
 impl Instrument {
-    /// The value of a key.
+    /// Returns the value of a key.
     #[must_use]
     pub fn get(&self, key: &str) -> Option<f64> {
         self.values.get(key)
     }
 
-    /// Steps of the run in a period of the instrument.
+    /// Returns the number of steps of the run in a period of the instrument.
     #[must_use]
     pub fn divisor(&self, rate: Rate) -> f64 {
         self.get("rate_hz")
             .map_or(1.0, |rate_hz| (rate.hz() / rate_hz).round())
     }
 
-    /// Distance between two values that a converter tells apart.
+    /// Distance between two neighbouring values of a converter.
     #[must_use]
     pub fn resolution(&self) -> Option<f64> {
         self.get("resolution").or_else(|| {
@@ -74,10 +74,10 @@ impl Instrument {
         Some((self.get("range_min")?, self.get("range_max")?))
     }
 
-    /// Standard deviation of the noise that a density makes, drawn at every step.
+    /// Standard deviation of the noise of a given density, drawn at every step.
     ///
-    /// `sigma = d sqrt(rate / 2)` for a one-sided amplitude density `d`: its square times the band from 0 to
-    /// half the rate. The rate is that of the run if a lag follows, else that of the sensor.
+    /// `sigma = d sqrt(rate / 2)` for a one-sided amplitude density `d`: its square times the band from 0 to half the
+    /// rate. The rate is that of the run if a lag follows, otherwise that of the sensor.
     #[must_use]
     pub fn density_sigma(&self, rate: Rate) -> Option<f64> {
         let divisor = match self.get("lag_hz") {

@@ -7,7 +7,7 @@ pub struct Plot {
     pub title: String,
     /// Signals as expressions name them, at least one.
     pub signals: Vec<String>,
-    /// Laws that it is for; empty means all. Only these laws are known to have its signals.
+    /// Laws for which the plot is meant; empty means all. Only these laws are known to have its signals.
     pub laws: Vec<String>,
     /// Vertical axis.
     pub scale: Scale,
@@ -15,12 +15,12 @@ pub struct Plot {
     pub lines: Vec<f64>,
 }
 
-/// Contents of a panel beside the plots. No run depends on it.
+/// Contents of a panel in addition to the plots. No run depends on them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Panel {
     /// Width of the time axis in s.
     pub window_s: f64,
-    /// Names and patterns of signals; empty means the first of the plots.
+    /// Names and patterns of signals; empty means the signals of the first plots.
     pub readings: Vec<String>,
     /// Names and patterns of tunable keys; empty means all.
     pub tune: Vec<String>,
@@ -61,7 +61,7 @@ impl Scale {
 }
 
 impl Plot {
-    /// Returns `true` if the plot is for a law.
+    /// Returns `true` if the plot is meant for a law.
     #[must_use]
     pub fn is_for(&self, law: &str) -> bool {
         self.laws.is_empty() || self.laws.iter().any(|one| one == law)

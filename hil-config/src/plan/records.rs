@@ -38,7 +38,7 @@ impl Plan {
             .collect()
     }
 
-    /// Drops everything except the sources of its signals.
+    /// Drops everything except the sources of the plan's signals.
     #[must_use]
     pub fn without_judgement(self) -> Self {
         Self {
@@ -49,7 +49,7 @@ impl Plan {
         }
     }
 
-    /// Returns the record layout of a run of its plant and its law as seen on the wire.
+    /// Returns the record layout of a run of the plan's plant and its law as seen on the wire.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))

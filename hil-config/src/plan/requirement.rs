@@ -11,6 +11,6 @@ pub struct Requirement {
     pub description: String,
     /// Formula that must hold at step 0.
     pub formula: Formula,
-    /// Unit of the robustness: as given, or else the one that all signals have by their names, or empty.
+    /// Unit of the robustness: as given, or else the common unit of all signals by their names, or empty.
     pub unit: String,
 }

@@ -18,7 +18,7 @@ pub struct Stimulus {
 }
 
 impl Stimulus {
-    /// Returns the reference signals: the target and its derivatives in rising order.
+    /// Returns the reference signals: the target and its derivatives in ascending order.
     #[must_use]
     pub fn fields(&self) -> Vec<Field> {
         let mut fields = vec![Field {
@@ -97,7 +97,7 @@ pub enum Waveform {
     },
     /// Linear interpolation between points, constant before the first and after the last.
     Table {
-        /// Times in s, strictly rising.
+        /// Times in s, strictly ascending.
         time_s: Vec<f64>,
         /// Values, as many as times.
         values: Vec<f64>,

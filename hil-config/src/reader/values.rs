@@ -31,7 +31,7 @@ impl Reader {
         self.quantity(&section.path_of(name), node, &quantity)
     }
 
-    /// Returns an optional number of the section's own keys; the outer `None` for a faulty one.
+    /// Returns an optional number of the section's own keys; the outer `None` means a faulty number.
     pub(crate) fn optional_number(
         &mut self,
         section: &Section<'_>,
@@ -162,7 +162,7 @@ impl Reader {
         None
     }
 
-    /// Returns the texts of a list, at least one, each with its path and place.
+    /// Returns the texts of a list, which must not be empty, each with its path and place.
     pub(crate) fn texts<'a>(
         &mut self,
         section: &Section<'a>,
@@ -237,7 +237,7 @@ impl Reader {
         values.into_iter().collect()
     }
 
-    /// Returns a pair `[first, second]` with the first not above the second; each may be infinite.
+    /// Returns a pair `[first, second]` whose first number is not above the second; each may be infinite.
     pub(crate) fn pair(&mut self, path: &str, node: &Node, unit: &str) -> Option<(f64, f64)> {
         let expected = "a pair of numbers, the smaller one first";
         let Value::List(items) = &node.value else {

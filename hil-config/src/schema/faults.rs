@@ -57,7 +57,7 @@ pub(super) fn complete(
         .collect();
 }
 
-/// Returns the schema of an effect with the keys common to all.
+/// Returns the schema of an effect with the keys common to all effects.
 fn effect(text: &str) -> Value {
     let mut effect = section(keys::EFFECT);
     effect["description"] = json!(text);

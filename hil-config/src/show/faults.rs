@@ -25,7 +25,7 @@ pub(super) struct Look<'a> {
     pub kinds: &'a [FaultKindDescription],
     /// Steps per second.
     pub rate: Rate,
-    /// Events that `after` may refer to by name.
+    /// Events to which `after` may refer by name.
     pub others: &'a [FaultEvent],
 }
 
@@ -123,7 +123,7 @@ impl<'a> Look<'a> {
         }
     }
 
-    /// Writes a number of steps as time, which reads back as the same number.
+    /// Writes a number of steps as a time that reads back as the same number.
     fn steps(&self, text: &mut String, key: &str, steps: u64) -> Written {
         let time_s = toml_float(self.rate.seconds(Step(steps)));
         let unit = if steps == 1 { "step" } else { "steps" };

@@ -18,7 +18,7 @@ use crate::scenario::{Scenario, read_regular, unreadable};
 use crate::source::Place;
 use spread::{spread, whole};
 
-/// Columns of the table of results beside the varied values.
+/// Columns of the table of results next to the varied values.
 const TAKEN: [&str; 9] = [
     "case", "draw", "variant", "seed", "class", "steps", "digest", "reason", "margin",
 ];
@@ -113,7 +113,7 @@ struct Homes {
 }
 
 impl Homes {
-    /// Claims a key that nothing else may set; keys of variants may be set by each of them.
+    /// Claims a key that nothing else may set; each variant may set the keys of variants.
     fn take(&mut self, reader: &mut Reader, key: &str, place: &Place, allowed: &[String]) {
         let is_taken = self.all.iter().any(|(key_taken, _)| key_taken == key);
         if is_taken && !allowed.iter().any(|one| one == key) {
@@ -187,7 +187,7 @@ fn varied(
         if sampling == Sampling::Grid
             && !matches!(spread, Spread::Choice(_) | Spread::Expression(_))
         {
-            let message = format!("`{name}` is {kind} in a grid, which has points");
+            let message = format!("`{name}` is {kind}, but a grid needs points");
             reader
                 .report_at(section, "kind", ProblemKind::OutOfRange, message)
                 .expected("list, grid or expression, or another sampling");
@@ -225,9 +225,9 @@ fn name(
     };
     let place = if own_name.is_some() { "name" } else { "key" };
     let message = if !is_name(name) || is_reserved(name) {
-        format!("`{name}` cannot be a name in expressions")
+        format!("`{name}` cannot be used as a name in expressions")
     } else if TAKEN.contains(&name) {
-        format!("`{name}` is a column of every table of results")
+        format!("`{name}` is already a column of every table of results")
     } else if others.iter().any(|other| other.name == name) {
         format!("another varied value has the name `{name}`")
     } else {
@@ -311,7 +311,7 @@ fn correlations(
         };
         let of = [first, second];
         if first == second || all.iter().any(|other| other.of == of) {
-            let message = "a correlation of a value with itself, or one that is given twice";
+            let message = "a value is correlated with itself, or a correlation is given twice";
             reader.report_at(section, "names", ProblemKind::Duplicate, message);
         }
         if matches!(sampling, Sampling::LatinHypercube | Sampling::Grid) {
@@ -343,7 +343,7 @@ fn goals(
         reader.refuse_unknown(section, &[]);
         if sampling != Sampling::Independent {
             let message = format!(
-                "a probability from sampling = \"{}\" has no bounds",
+                "a probability from sampling = \"{}\" has no confidence bounds",
                 sampling.name()
             );
             reader
@@ -384,7 +384,7 @@ fn goals(
     all
 }
 
-/// Returns the number of draws, which a grid determines by itself.
+/// Returns the number of draws, which for a grid follows from its points.
 fn draws(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -399,7 +399,7 @@ fn draws(
     let most = MOST_CASES.cast_unsigned();
     let draws = match (sampling, cases_key) {
         (Sampling::Grid, Some(_)) => {
-            let message = "a grid has as many cases as points; `cases` contradicts that";
+            let message = "a grid has as many cases as points, so `cases` contradicts it";
             reader
                 .report_at(root, "cases", ProblemKind::OutOfRange, message)
                 .help("leave out `cases`, or choose another sampling");
@@ -422,7 +422,7 @@ fn draws(
     }
     let sobol = 1 << 32;
     if sampling == Sampling::Sobol && (draws > sobol || varied.len() > super::MOST_SOBOL) {
-        let message = format!("Sobol' points have at most {} values", super::MOST_SOBOL);
+        let message = format!("Sobol' points support at most {} values", super::MOST_SOBOL);
         reader.report_at(root, "sampling", ProblemKind::OutOfRange, message);
         return None;
     }

@@ -128,7 +128,7 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
         (
             format!("sampling = \"grid\"\n{uniform}"),
-            "`b` is uniform in a grid",
+            "`b` is uniform, but a grid needs points",
         ),
         (
             "sampling = \"grid\"\ncases = 3\n".into(),
@@ -156,7 +156,7 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
         (
             "cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(),
-            "has no bounds",
+            "has no confidence bounds",
         ),
         (
             "cases = 1\n[[goals]]\nprobability = 0.9\nvariant = \"senario\"\n".into(),
@@ -236,5 +236,8 @@ fn a_grid_takes_whole_numbers_and_advice_is_given_for_others() {
     let mut messages = problems
         .into_iter()
         .map(|one| study.at_home(one).to_string());
-    assert!(messages.any(|one| one.contains("`whole = true` in its [[vary]] gives whole numbers")));
+    assert!(
+        messages
+            .any(|one| one.contains("set `whole = true` in its [[vary]] to draw whole numbers"))
+    );
 }

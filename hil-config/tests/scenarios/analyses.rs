@@ -192,7 +192,7 @@ fn an_impossible_analysis_is_refused_with_its_place() {
             "start_hz = 1.0",
             "start_hz = 0\nsweep = \"logarithmic\"",
             "stimuli[1].sweep",
-            "logarithmic from 0 to 5 Hz",
+            "a logarithmic sweep from 0 to 5 Hz",
         ),
         (
             "end_hz = 5.0",

@@ -50,7 +50,7 @@ const EVENTS: &[Case] = &[
     ("kind = \"bias\"\nwhen = \"large and ^parameter.actuator1.leakage > 0\"", Expression, &["unknown signal `parameter.actuator1.leakage`", "nearest: `parameter.actuator1.leakage_coefficient_m3ps_per_sqrt_pa`"]),
     ("kind = \"bias\"\nwhen = \"^bulk_modulus_pa > 0\"", Expression, &["nearest: `parameter.actuator1.bulk_modulus_pa`, `parameter.actuator2.bulk_modulus_pa`"]),
     ("kind = \"bias\"\nwhen = \"^actuator2.bulk_modulus_pa > 0\"", Expression, &["unknown kind of signal `actuator2`", "nearest: `parameter.actuator2.bulk_modulus_pa`"]),
-    ("kind = \"bias\"\nwhen = \"^max_abs(error_rad) > 1\"", Expression, &["belongs in [[metrics]]"]),
+    ("kind = \"bias\"\nwhen = \"^max_abs(error_rad) > 1\"", Expression, &["can be used only in [[metrics]]"]),
     ("kind = \"bias\"\nwhen = \"error_rad >^\"", Expression, &["found the end"]),
     ("kind = \"bias\"\nwhen = ^1", WrongType, &["`faults[0].when` is a number"]),
     ("kind = \"bias\"\nwhen = \"large\"\nfor_s = ^2", OutOfRange, &["must hold for 2000 consecutive records", "a time below 2 in s"]),
@@ -66,8 +66,8 @@ const EVENTS: &[Case] = &[
     ("kind = \"bias\"\nat_s = 0.5\nduration_s = 1\nduration_steps = ^1", Duplicate, &["`faults[0].duration_steps` repeats `duration_s`"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_s = ^2.1", OutOfRange, &["at 2.1 s the run is over", "from 0 to 2 in s, step 2000"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_step = ^2001", OutOfRange, &["at step 2001 the run is over"]),
-    ("kind = \"bias\"\nat_s = 0.5\nend_s = ^0.5", Mismatch, &["the fault would end at 0.5 s, and takes hold at 0.5 s"]),
-    ("kind = \"bias\"\nwhen = \"large\"\nfor_s = 1.5\nend_s = ^1", Mismatch, &["the fault would end at 1 s, and takes hold at 1.5 s"]),
+    ("kind = \"bias\"\nat_s = 0.5\nend_s = ^0.5", Mismatch, &["the fault would end at 0.5 s, but it takes effect at 0.5 s"]),
+    ("kind = \"bias\"\nwhen = \"large\"\nfor_s = 1.5\nend_s = ^1", Mismatch, &["the fault would end at 1 s, but it takes effect at 1.5 s"]),
     ("kind = \"bias\"\nat_s = 0.5\noccurrences = ^0", OutOfRange, &["`faults[0].occurrences` is 0"]),
     ("kind = \"bias\"\nat_s = 0.5\nuntil = \"^eror_rad\"", Expression, &["unknown derived signal `eror_rad`", "nearest: `error_rad`"]),
     ("kind = \"bias\"\nat_s = 0.5\nuntil_for_s = ^1", Mismatch, &["`faults[0].until_for_s` belongs to `until`"]),
@@ -116,7 +116,7 @@ const EFFECTS: &[EffectCase] = &[
     ("leakage", "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = ^1e-4\nprofile = { kind = \"sine\", frequency_hz = 1 }", OutOfRange, &["would become 0 + 0.0001 * -1 = -0.0001, out of range"]),
     ("leakage", "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = ^6e-4\nprofile = { kind = \"table\", time_s = [0, 1, 2], values = [0, 2, 1] }", OutOfRange, &["would become 0 + 0.0006 * 2 = 0.0012, out of range"]),
     // Profiles
-    ("leakage", "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 0\nspeed_per_s = ^1\nprofile = { kind = \"step\" }", Mismatch, &["`faults[0].effects[0].speed_per_s` is the speed of a course that `profile` replaces", "one of `speed_per_s`, `profile`"]),
+    ("leakage", "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 0\nspeed_per_s = ^1\nprofile = { kind = \"step\" }", Mismatch, &["`faults[0].effects[0].speed_per_s` is the speed of the default course, which `profile` replaces", "one of `speed_per_s`, `profile`"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = ^\"ramp\"", WrongType, &["`faults[0].effects[0].profile` is text", "a table"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = ^\"rampe\" }", UnknownName, &["unknown kind of profile `rampe`", "`step`, `ramp`, `exponential`, `pulse`, `intermittent`, `sine`, `table`", "nearest: `ramp`"]),
     ("dropout", "target = \"reference.load_n\"\n^profile = {}", MissingKey, &["`faults[0].effects[0].profile.kind` is missing"]),
@@ -125,7 +125,7 @@ const EFFECTS: &[EffectCase] = &[
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"intermittent\", period_s = 1, duty = ^1.5 }", OutOfRange, &["`faults[0].effects[0].profile.duty` is 1.5"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"step\", ^duty = 1 }", UnknownKey, &["unknown key `duty` in `faults[0].effects[0].profile`"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"sine\", frequency_hz = ^0 }", OutOfRange, &["in Hz"]),
-    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = ^\"table\" }", Mismatch, &["a profile of kind `table` needs its points once"]),
+    ("dropout", "target = \"reference.load_n\"\nprofile = { kind = ^\"table\" }", Mismatch, &["a profile of kind `table` must define its points in exactly one way"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1, 1], values = [1, 2] }", Mismatch, &["time 1 follows time 1"]),
     // The run ends 1.5 s after the event.
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[1.6, 2], values = [1, 0] }", OutOfRange, &["the table goes from 1.6 to 2 s and counts from the beginning of the effect, after which the run lasts for at most 1.5 s", "so it has no effect"]),
@@ -229,7 +229,7 @@ fn events_that_wait_for_each_other_are_reported_once() {
         Mismatch,
         &[
             "`b`, `c` wait for each other",
-            "an event that takes hold by itself",
+            "an event that takes effect by itself",
         ],
     );
 }

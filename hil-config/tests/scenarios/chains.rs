@@ -7,8 +7,8 @@ use hil_config::formula::Formula;
 use hil_config::monitor::{FormulaContext, Monitors, Verdict};
 use shared_types::time::{Rate, Step};
 
-/// A quarter of a thread's stack; the rest belongs to the caller. The deepest formula takes about half of it: how much
-/// the compiler puts into one function, and so the size of a level, differs between builds.
+/// A quarter of a thread's stack; the rest belongs to the caller. The deepest formula takes about half of it. The size
+/// of a level differs between builds, because it depends on how much the compiler inlines into one function.
 const STACK_BYTES: usize = 512 << 10;
 /// Operands of a chain.
 const MANY: usize = 100_000;

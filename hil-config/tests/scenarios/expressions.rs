@@ -61,7 +61,7 @@ impl Tree {
         }
     }
 
-    /// Computes the value; `None` for a missing one.
+    /// Computes the value; `None` for a missing value.
     fn value(&self, row: &[f64]) -> Option<f64> {
         let truth = |holds| if holds { 1.0 } else { 0.0 };
         let value = match self {

@@ -357,7 +357,7 @@ fn numbers_can_come_from_a_file_beside_the_scenario() {
     for (csv, piece) in [
         ("busy_us,weight\n", "the file has no rows"),
         ("10,1\nbusy_us,weight\n", "x.csv:2:1"),
-        ("10,1,2\n", "2 numbers with a comma between"),
+        ("10,1,2\n", "2 numbers separated by commas"),
         ("10,nan\n", "not a row"),
     ] {
         let problem = read(histogram, csv).expect_err(csv);

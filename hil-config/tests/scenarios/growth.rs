@@ -1,4 +1,4 @@
-//! Scenarios of very many parts: 40 times as many cost about 40 times as much.
+//! Scenarios with very many parts: 40 times as many cost about 40 times as much.
 
 use std::time::Duration;
 
@@ -57,7 +57,7 @@ fn many(count: usize, one: impl Fn(usize) -> String) -> String {
 }
 
 /// Checks that at least one of five tries is proportional: other processes that occupy caches and memory make some
-/// tries dearer, but none makes a quadratic check cheap.
+/// tries slower, but none makes a quadratic check fast.
 fn is_near_linear(what: &str, is_right: bool, input: impl Fn(usize) -> (String, Vec<String>)) {
     let ratio = || {
         let few = cost(&input, FEW, is_right);

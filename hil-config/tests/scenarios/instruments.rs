@@ -1,4 +1,4 @@
-//! `[[sensors]]` and `[[actuators]]`: what they mean, what is refused, and how they are shown.
+//! `[[sensors]]` and `[[actuators]]`: their meaning, refusals, and the way in which they are shown.
 
 use hil_config::plan::{Instrument, Plan};
 use hil_config::problem::ProblemKind::{
@@ -127,7 +127,7 @@ fn a_scenario_without_instruments_has_none() {
 const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("rate_hz = 300", Mismatch, "sensors[0].rate_hz", &["not a whole fraction of `run.rate_hz` = 1000", "250 and 333.3"]),
     ("rate_hz = 2000", Mismatch, "sensors[0].rate_hz", &["the highest is 1000"]),
-    ("rate_hz = 250\nphase_steps = 4", OutOfRange, "sensors[0].phase_steps", &["every 4 steps", "from 0 to 3"]),
+    ("rate_hz = 250\nphase_steps = 4", OutOfRange, "sensors[0].phase_steps", &["samples are 4 steps apart", "from 0 to 3"]),
     ("phase_steps = 1", Mismatch, "sensors[0].phase_steps", &["needs `rate_hz`"]),
     ("range = [1, 1]", OutOfRange, "sensors[0].range", &["the width 0", "two different ends in rad"]),
     ("range = [1, -1]", OutOfRange, "sensors[0].range", &["[1, -1]"]),
@@ -137,7 +137,7 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("range = [-1, 1]\nbits = 0", OutOfRange, "sensors[0].bits", &["from 1 to 53"]),
     ("bits = 12", Mismatch, "sensors[0].bits", &["needs `range`"]),
     ("range = [-1, 1]\nbits = 12\nresolution = 0.1", Mismatch, "sensors[0].resolution", &["either `bits` or `resolution`"]),
-    ("noise_density = \"0.3 deg/sqrt(h)\"", Mismatch, "sensors[0].noise_density", &["does not convert to rad/sqrt(Hz)", "is one of a rate"]),
+    ("noise_density = \"0.3 deg/sqrt(h)\"", Mismatch, "sensors[0].noise_density", &["does not convert to rad/sqrt(Hz)", "applies to a rate"]),
     ("noise_density = \"1 kg\"", Mismatch, "sensors[0].noise_density", &["`kg` does not convert to rad/sqrt(Hz)", "a number from 0 to 1e30 in rad/sqrt(Hz)"]),
     ("noise_sigma = \"2 LSB\"", Mismatch, "sensors[0].noise_sigma", &["`LSB` needs `bits` and `range`, or `resolution`"]),
     ("bias = \"1 % of range\"", Mismatch, "sensors[0].bias", &["needs `range`"]),
@@ -151,10 +151,10 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("cross = { surface_angle_rad = 0.1 }", Mismatch, "sensors[0].cross.surface_angle_rad", &["the signal itself", "`scale`"]),
     ("cross = { actuator1_position = 0.1 }", UnknownName, "sensors[0].cross.actuator1_position", &["nearest: `actuator1_position_m`"]),
     ("dead_time_s = 1", UnknownKey, "sensors[0].dead_time_s", &["unknown key `dead_time_s`"]),
-    ("", MissingKey, "sensors[0]", &["changes nothing", "`noise_density`"]),
+    ("", MissingKey, "sensors[0]", &["has no effect", "`noise_density`"]),
     ("scale = 2\n[[sensors]]\nsignal = \"surface_angle_rad\"\nbias = 1", Duplicate, "sensors[1].signal", &["two entries of `sensors`"]),
     ("scale = 2\n[[sensors]]\nsignal = \"surface_angle\"\nbias = 1", UnknownName, "sensors[1].signal", &["nearest: `surface_angle_rad`"]),
-    ("scale = 2\n[[actuators]]\nsignal = \"surface_angle_rad\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["which the plant does not have", "actuator1_valve_current_a"]),
+    ("scale = 2\n[[actuators]]\nsignal = \"surface_angle_rad\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["which is not a signal of the plant", "actuator1_valve_current_a"]),
 ];
 
 #[test]
@@ -200,6 +200,6 @@ fn noise_on_an_enumeration_is_refused() {
     check("delay_s = 0.01").expect("a delay keeps the values");
     let problems = check("noise_sigma = 0.1").expect_err("noise does not");
     let text = problems.to_string();
-    assert!(text.contains("which has no noise"), "{text}");
+    assert!(text.contains("which cannot have noise"), "{text}");
     assert!(text.contains("`delay_s`"), "{text}");
 }

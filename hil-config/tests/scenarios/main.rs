@@ -1,4 +1,4 @@
-//! Scenarios through the public interface: valid ones, faulty ones, and their results.
+//! Scenarios through the public interface: valid and faulty ones, and their results.
 
 mod analyses;
 mod bad;

@@ -99,11 +99,11 @@ fn a_missing_file_is_reported_at_its_key() {
 #[test]
 fn wrong_points_in_the_scenario_are_refused() {
     for (points, piece) in [
-        ("", "its points once"),
-        ("time_s = [1]", "its points once"),
+        ("", "its points in exactly one way"),
+        ("time_s = [1]", "its points in exactly one way"),
         (
             "file = \"x\"\ntime_s = [1]\nvalues = [1]",
-            "its points once",
+            "its points in exactly one way",
         ),
         ("time_s = [1, 2]\nvalues = [1]", "2 times and 1 values"),
         ("time_s = []\nvalues = []", "no points"),

@@ -1,7 +1,7 @@
 //! Scenarios of the repository.
 //!
-//! Checked here against descriptions written by hand, whose names are those of the real plants; the descriptions of the
-//! real binaries are checked by the workspace's own tests.
+//! Checked here against descriptions written by hand that use the names of the real plants; the workspace's own tests
+//! check the scenarios against the descriptions of the real binaries.
 
 use std::path::PathBuf;
 

@@ -292,7 +292,8 @@ fn a_factor_may_convert_between_units_of_one_dimension() {
     }
 }
 
-/// After a factor that may be a conversion, a number with a unit, which counts in SI units, would be off by it.
+/// After a factor that may be a conversion, a number with a unit, which counts in SI units, would be wrong by that
+/// factor.
 #[test]
 fn a_number_with_a_unit_is_refused_beside_a_value_that_a_factor_may_have_converted() {
     let derived = |name: &str, unit: &str, expression: &str| {

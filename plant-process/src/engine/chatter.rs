@@ -1,4 +1,4 @@
-//! The engine against controllers that never fall silent: repeated messages are no answer.
+//! The engine against controllers that never fall silent: a repeated message is not an answer.
 
 use std::collections::VecDeque;
 use std::sync::mpsc;
@@ -21,11 +21,11 @@ use super::tests::{job, kind};
 use super::*;
 use crate::faults::kinds;
 
-/// Much longer than any limit here, for a busy machine.
+/// Much longer than any limit here, to allow for a busy machine.
 const WATCHDOG: Duration = Duration::from_secs(20);
 pub(super) const WAIT_LIMIT_S: f64 = 0.1;
 
-/// Message that a controller repeats at every poll, after those that it has to send.
+/// Message that a controller repeats at every poll, after the messages that it must send.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Repeats {
     Nothing,
@@ -40,7 +40,7 @@ pub(super) enum Repeats {
 pub(super) struct Parrot {
     controls: VecDeque<Control>,
     repeats: Repeats,
-    /// Number of samples that it answers in each epoch.
+    /// Number of samples that the parrot answers in each epoch.
     answers: u64,
     identity: Option<shared_types::frame::FrameIdentity>,
     welcome: Option<Control>,

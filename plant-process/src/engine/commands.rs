@@ -9,10 +9,10 @@ use shared_types::wait::WaitLimit;
 
 use crate::repeat::Repetition;
 
-/// Newest command as used by a step.
+/// Latest command as used by a step.
 #[derive(Clone, Copy)]
 pub(super) struct Met {
-    /// Steps since the one that the command was sent for.
+    /// Steps since the step for which the command was sent.
     pub held_steps: u32,
     /// Age of the command's content in steps, on arrival at the plant.
     pub age_steps: u32,
@@ -22,7 +22,7 @@ pub(super) struct Met {
     pub work_ns: u64,
 }
 
-/// Newest command, and bookkeeping about earlier ones.
+/// Latest command, and bookkeeping about earlier ones.
 #[derive(Default)]
 pub(super) struct Commands {
     pub newest: Command,
@@ -38,12 +38,12 @@ pub(super) struct Commands {
 #[derive(Clone, Copy)]
 pub(super) struct Command {
     pub header: Header,
-    /// Steps since the one that it was sent for, at the last step that used it.
+    /// Steps since the step for which the command was sent, at the last step that used it.
     pub held_steps: u32,
-    /// Time from sending its sample, or from its due time, to arrival; 0 if none arrived at this step. If a late
-    /// command and its successor arrive together, that of the late one.
+    /// Time from sending the command's sample, or from its due time, to the command's arrival; 0 if no command arrived
+    /// at this step. If a late command and its successor arrive together, the time of the late one.
     pub round_trip_ns: u64,
-    /// The controller's work on it; 0 likewise.
+    /// Time that the controller worked on the command; 0 likewise.
     pub work_ns: u64,
 }
 
@@ -66,7 +66,7 @@ impl Command {
 }
 
 impl Commands {
-    /// Makes an arrived command the newest.
+    /// Stores an arrived command as the latest one.
     pub(super) fn came(&mut self, header: &Header, received_ns: u64, round_trip_ns: u64) {
         self.heard_ns = received_ns;
         let newest = &mut self.newest;
@@ -76,7 +76,7 @@ impl Commands {
         }
     }
 
-    /// Assigns the newest command to a step; the step counts as missed if the command belongs to an earlier step
+    /// Assigns the latest command to a step; the step counts as missed if the command belongs to an earlier step
     /// although there is a controller.
     pub(super) fn meet(&mut self, step: Step, is_alone: bool) -> Met {
         let newest = &mut self.newest;

@@ -96,7 +96,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 }
 
 impl Plant {
-    /// Keys of parameters that were changed or faulted and cannot be read back.
+    /// Returns the keys of changed or faulted parameters that cannot be read back.
     fn unconfirmed(&self) -> Vec<String> {
         let unreadable = self.model.unreadable();
         let mut keys = self.tuning.unconfirmed(&unreadable);

@@ -43,7 +43,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Processes a frame of the controller; returns `false` if it does not advance the run, so that the wait continues.
+    /// Processes a frame of the controller; returns `false` if the run does not advance, so that the wait continues.
     fn hears(&mut self, header: &mut Header) -> Result<bool, LinkError> {
         let before = self.side.standing();
         match self.side.on(&PlantEvent::Frame(header)) {
@@ -64,8 +64,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != before)
     }
 
-    /// Returns `true` if an ignored command contradicts the newest one, of the same step. The newest one may have
-    /// another origin, as in a repeated run or after a loss.
+    /// Returns `true` if an ignored command contradicts the latest command, which belongs to the same step. The latest
+    /// command may have another origin, as in a repeated run or after a loss.
     fn contradicts(&self, header: &Header) -> bool {
         let newest = &self.commands.newest.header;
         header.kind() == Some(FrameKind::Command)
@@ -102,7 +102,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         (self.commands).came(header, received_ns, round_trip_ns);
     }
 
-    /// Uses the newest available command for a step whose own missed its deadline.
+    /// Uses the latest available command for a step whose own command missed its deadline.
     fn miss(&mut self) -> Result<Progress, LinkError> {
         let now_ns = monotonic_ns();
         let limit = self.wait_limit();
@@ -129,7 +129,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(Progress::Over)
     }
 
-    /// Applies the newest command to a step and integrates to the next one.
+    /// Applies the latest command to a step and integrates to the next step.
     pub(super) fn meet(&mut self, step: Step, received_ns: u64) -> Result<(), LinkError> {
         if self.publisher.is_stuck(received_ns)? {
             return self.recorder_late();
@@ -180,7 +180,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(())
     }
 
-    /// Writes the record of a step; it is published while the controller works on the next.
+    /// Writes the record of a step, which is published while the controller works on the next step.
     fn note_record(&mut self, step: Step, meeting: &Met, age_steps: u32, received_ns: u64) {
         let header = &self.commands.newest.header;
         let took_ns = received_ns - self.sample.sent_ns + self.timing.plant_ns;

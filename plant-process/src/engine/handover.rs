@@ -21,7 +21,7 @@ use crate::tuning::Offered;
 pub(super) struct Handover {
     /// Epoch of the controller that was announced last.
     expected: u32,
-    /// Time since which it is awaited.
+    /// Time since which the controller is awaited.
     since_ns: u64,
     /// Control message held until its sender is authenticated.
     heard: Option<Control>,
@@ -42,7 +42,7 @@ impl Default for Handover {
 }
 
 impl Handover {
-    /// Begins with the controller of an epoch, still unknown.
+    /// Begins with the controller of an epoch, not yet identified.
     const fn to(expected: u32, since_ns: u64) -> Self {
         Self {
             expected,
@@ -54,8 +54,8 @@ impl Handover {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Expects another controller, announced for this epoch. If no control channel can be created for it, the run
-    /// continues without it.
+    /// Expects another controller, announced for this epoch. If no control channel can be created for the controller,
+    /// the run continues without it.
     ///
     /// # Errors
     /// If the link or the record stream failed.
@@ -90,7 +90,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.job.is_controller_by_hand && self.is_greeting()
     }
 
-    /// Returns a newly detected lost controller: the active one, or the announced one.
+    /// Returns a newly detected loss: the active controller or the announced one.
     #[must_use]
     pub fn news(&self, gone_epochs: Gone) -> Option<u32> {
         if !gone_epochs.any() {
@@ -170,8 +170,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Receives messages of the announced controller; returns `true` if the run was affected, as the controller takes
-    /// over or was the last hope. Otherwise the active controller continues within its current limit.
+    /// Receives messages of the announced controller; returns `true` if the run was affected, because the controller
+    /// takes over or was the last hope. Otherwise the active controller continues within its current limit.
     pub(super) fn attend_candidate(&mut self) -> Result<bool, LinkError> {
         let limit = self.wait_limit();
         if monotonic_ns() - self.handover.since_ns >= limit.ns() {
@@ -205,7 +205,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(self.side.standing() != standing)
     }
 
-    /// Activates the announced controller, after a run without one that waited or continued.
+    /// Activates the announced controller, possibly after the run waited or continued without one.
     fn take_over(
         &mut self,
         unanswered: Option<Step>,
@@ -303,7 +303,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         self.publisher.sink.event(&Event::Controller(change))
     }
 
-    /// Continues after a loss with the newest command, or waits for another controller.
+    /// Continues after a loss with the latest command, or waits for another controller.
     pub(super) fn go_on_alone(&mut self) -> Result<Progress, LinkError> {
         let (limit, now_ns) = (self.wait_limit(), monotonic_ns());
         let waits = self.job.run.on_controller_loss == OnLoss::WaitForRestart;

@@ -1,25 +1,25 @@
 //! Publisher of records, with supervision of the recorder.
 //!
-//! The recorder's buffer holds thousands of records, seconds of a slow run, before the plant has to wait, and in real
-//! time it never waits. So the publisher checks now and then that the recorder still takes records.
+//! The recorder's buffer holds thousands of records, which is seconds of a slow run, before the plant has to wait, and
+//! in real time the plant never waits. So the publisher checks at intervals that the recorder still takes records.
 
 use shared_types::link::LinkError;
 use shared_types::stream::RecordSink;
 use shared_types::wait::WaitLimit;
 
-/// Checks per wait limit.
+/// Number of checks within a wait limit.
 const LOOKS: u64 = 8;
 
 /// Stream of records and events to the recorder.
 pub(super) struct Publisher<S> {
     pub sink: S,
     limit: WaitLimit,
-    /// `true` if the last record was not published yet.
+    /// `true` if the last record is not published yet.
     pending: bool,
     /// Time of the next check of the recorder.
     again_ns: u64,
     /// Number of items that the recorder had taken while more were pending, and the time since which that number has
-    /// not changed; `None` if none were pending.
+    /// not changed; `None` if no items were pending.
     owing: Option<(u64, u64)>,
 }
 
@@ -40,7 +40,7 @@ impl<S: RecordSink> Publisher<S> {
         self.pending = true;
     }
 
-    /// Publishes a pending record; returns `false` if the recorder has no room for it now.
+    /// Publishes a pending record; returns `false` if the recorder has no room for the record now.
     pub(super) fn publish(&mut self, record: &[u64]) -> Result<bool, LinkError> {
         if self.pending {
             if !self.sink.has_room()? {
@@ -86,7 +86,7 @@ mod tests {
     use super::super::{Clock, Progress};
     use super::*;
 
-    /// A recorder with room for everything that stops, or takes one item between two checks.
+    /// A recorder with room for everything that takes no items, or one item between two checks.
     struct Lazy {
         sent: u64,
         taken: u64,

@@ -21,7 +21,7 @@ pub(super) struct SentSample {
     /// [`Directive`](shared_types::directive::Directive) for the controller's runner, as sent.
     pub directive: u64,
     pub sent_ns: u64,
-    /// Delay in sending it.
+    /// Delay in sending the sample.
     pub late_ns: u64,
     /// Time until which the command is awaited; unlimited except in real time.
     pub deadline_ns: u64,
@@ -40,7 +40,7 @@ impl Default for SentSample {
 }
 
 impl SentSample {
-    /// Records when it is sent and was due; 0 if it had no due time.
+    /// Records when the sample is sent and was due; 0 if it had no due time.
     const fn is_sent(&mut self, now_ns: u64, due_ns: u64) {
         self.sent_ns = now_ns;
         self.late_ns = match due_ns {
@@ -157,7 +157,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Returns the deadline of a step's command. The first command has none: time has not started.
+    /// Returns the deadline of a step's command. The first command has no deadline, because the clock has not started.
     fn deadline_of(&self, step: Step) -> u64 {
         match (&self.pacer, self.job.run.clock) {
             (Some(pacer), Clock::Realtime) if step > self.first => {

@@ -1,5 +1,5 @@
 //! Requests to a run, served between two steps: faults, changes of values, marks, the newest record, pause and resume.
-//! Leaves all possible checks to [`live`](crate::live).
+//! Leaves all checks that can be made earlier to [`live`](crate::live).
 
 use hil_config::plan::{PLANT_KEYS, law_keys};
 use hil_session::clock::monotonic_ns;
@@ -22,7 +22,7 @@ pub(super) struct Held {
 }
 
 impl<L: Link, S: RecordSink> Engine<L, S> {
-    /// Serves the queued requests before a step; returns `true` if the run is held there.
+    /// Serves the queued requests before a step; returns `true` if the run is held at this step.
     pub(super) fn attend(&mut self, step: Step) -> Result<bool, LinkError> {
         while self.publisher.sink.has_room()?
             && let Some(request) = self.queue.next_request()
@@ -53,7 +53,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         Ok(true)
     }
 
-    /// Returns the time between two hold messages to the controller: well within its wait limit.
+    /// Returns the interval between hold messages to the controller, which is well within the controller's wait limit.
     fn hold_again_ns(&self) -> u64 {
         const OFTEN_NS: u64 = 100_000_000;
         let patience_ns = (self.job.wait_limit_s * 0.25e9) as u64;
@@ -102,7 +102,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     queue.hold_at(until);
                     Ok(until)
                 } else {
-                    Err("the run is not paused; `hil pause` first".into())
+                    Err("the run is not paused; pause it first with `hil pause`".into())
                 });
             }
             LoopRequest::Record(answer) => {
@@ -115,7 +115,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 let _ = answer.send(if is_late {
                     Err("the run is over".into())
                 } else if epoch != tuning.offered().epoch {
-                    Err("another controller took over meanwhile, or there is none".into())
+                    Err("the controller changed or was lost after the check of this change; send the change again".into())
                 } else {
                     tuning.admit(*change, step)
                 });
@@ -145,7 +145,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                     let mark = Mark { step: step.0, text };
                     self.publisher.sink.event(&Event::Mark(mark))?;
                 }
-                let refusal = || format!("the run has {MOST_MARKS} marks, which is the maximum");
+                let refusal = || {
+                    format!(
+                        "a run can have at most {MOST_MARKS} marks, and this run already has that many; add further notes to a new run"
+                    )
+                };
                 let _ = answer.send(has_room.then_some(step).ok_or_else(refusal));
             }
         }

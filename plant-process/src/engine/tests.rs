@@ -171,7 +171,7 @@ fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     greeted_by(&kind(), job)
 }
 
-/// Does the same with a plant that has the tables of [`Mover`].
+/// Creates the same with a plant that has the tables of [`Mover`].
 fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     let (link, mut controller) = pair();
     let (sink, source) = shared_types::stream::in_process::pair();
@@ -210,7 +210,7 @@ fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProce
     (engine, controller, source)
 }
 
-/// Answers every sample with this force until the plant sends something else, and returns that header.
+/// Answers every sample with this force until the plant sends another kind of frame, and returns that header.
 fn run(engine: &mut TestEngine, controller: &mut InProcessLink, force_n: f64) -> Header {
     let mut sample = [0.0; 3];
     loop {

@@ -1,37 +1,37 @@
 //! Arrival of messages at the receiver: steps only, no content.
 //!
-//! The [`channel`](super::channel) has one instance for the real arrivals, and every fault of the link one for the
-//! arrivals if it were the last fault: the difference between two of them is the effect of a single fault. The causes
-//! of delays are unknown here.
+//! The [`channel`](super::channel) has one instance for the real arrivals, and every link fault has one for the
+//! arrivals as if no other fault followed it: the difference between two instances is the effect of a single fault. The
+//! causes of delays are unknown here.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
 
 use super::kind::Passage;
 
-/// Maximum number of messages in transit: a message delayed for longer never arrives.
+/// Maximum number of messages in transit: a message with a longer delay never arrives.
 pub(super) const DEPTH: usize = Passage::LATEST_STEPS as usize + 1;
 /// Step that never comes.
 const NEVER: u64 = u64::MAX;
 
-/// Messages in transit and the one that was received last.
+/// Messages in transit, and the message that was received last.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Arrivals {
     /// Slots by step of arrival, modulo [`DEPTH`].
     slots: Vec<Slot>,
-    /// Step of the message that the receiver has.
+    /// Step at which the last received message was sent.
     received: Option<u64>,
     /// Step before which sent messages no longer replace newer ones.
     overruled: u64,
 }
 
-/// Relevant messages among those that arrive at one step: the last of each sort.
+/// Relevant messages among those that arrive at one step: the last of each kind.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Slot {
-    /// Step of arrival; for any other step the slot is stale.
+    /// Step of arrival; at any other step the slot is stale.
     at: u64,
     in_order: Option<u64>,
-    /// Overtaken message, which arrives after all that are in order.
+    /// Last overtaken message, which arrives after all messages that are in order.
     overtaken: Option<u64>,
 }
 
@@ -99,7 +99,7 @@ impl Arrivals {
         }
     }
 
-    /// Processes the arrivals at a step and returns the message that the receiver then has.
+    /// Processes the arrivals at a step and returns the message that the receiver has afterwards.
     pub(super) fn receive(&mut self, step: u64) -> Option<u64> {
         let slot = self.slots[(step % DEPTH as u64) as usize];
         if slot.at == step {
@@ -114,7 +114,7 @@ impl Arrivals {
     }
 }
 
-/// Returns the steps since a message was sent; without one, as if it had been sent just before step 0.
+/// Returns the steps since a message was sent; without a message, as if one had been sent just before step 0.
 pub(super) fn age_steps(step: u64, received: Option<u64>) -> u32 {
     let age = received.map_or(step + 1, |received| step - received);
     u32::try_from(age).unwrap_or(u32::MAX)

@@ -1,7 +1,7 @@
-//! Fault builder: turns a checked fault event into one that can act, outside the loop.
+//! Fault builder: converts a checked fault event into one that can act, outside the loop.
 //!
-//! Used at the start for a scenario's faults and by the service thread for live ones. Everything that a fault needs is
-//! resolved, started and allocated here.
+//! Used at the start for a scenario's faults and by the service thread for live faults. Everything that a fault needs
+//! is resolved, started and allocated here.
 
 use hil_config::condition::Watch;
 use hil_config::expression::Columns;
@@ -90,10 +90,10 @@ impl FaultBuilder {
         self.commands.len()
     }
 
-    /// Builds the fault of an event; `columns` are those of a record, used by conditions.
+    /// Builds the fault of an event; `columns` are the columns of a record, for conditions.
     ///
     /// # Errors
-    /// If it names something unknown, or its parameters are inconsistent.
+    /// If the event names something unknown, or its parameters are inconsistent.
     pub fn build(&self, event: FaultEvent, columns: &Columns) -> Result<ArmedFault, Invalid> {
         let watch = |condition: Option<&Condition>| {
             let watch = condition.map(|condition| Watch::new(condition, &self.derived, columns));
@@ -269,9 +269,9 @@ enum Place {
     Signal(Direction, usize),
     /// The link.
     Link(Direction),
-    /// The step at which the controller's answer takes effect.
+    /// Step at which the controller's answer takes effect.
     Answer,
-    /// The time that a side takes.
+    /// Computing time of a side.
     Side(Side),
 }
 

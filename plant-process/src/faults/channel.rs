@@ -1,8 +1,8 @@
 //! Medium of one direction of the link under faults: sent messages, and the receiver's view of them.
 //!
-//! Used by the [signal path](super::signal_path) of that direction. While no fault of the link acts, messages are
-//! received as sent, and the channel only remembers them. The frames of the lockstep never pass through it: it decides
-//! the content that they carry.
+//! Used by the [signal path](super::signal_path) of that direction. While no link fault acts, messages are received as
+//! sent, and the channel only remembers them. Lockstep frames never pass through the channel, which only determines
+//! their content.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::Invalid;
@@ -14,7 +14,7 @@ use shared_types::time::Step;
 use super::arrivals::{Arrivals, DEPTH, age_steps};
 use super::kind::Passage;
 
-/// Any identity: both ends of the medium are here.
+/// Any identity, because both ends of the medium are here.
 const IDENTITY: FrameIdentity = FrameIdentity {
     session: 1,
     layout: 1,
@@ -30,7 +30,7 @@ pub(super) struct Channel {
     values: Vec<f64>,
     about: Vec<About>,
     arrivals: Arrivals,
-    /// Message that the receiver has; it may be older than all of `values`.
+    /// Message that the receiver has, possibly older than all of `values`.
     received: Vec<f64>,
     received_about: About,
     /// `true` if the receiver has no message yet.
@@ -45,7 +45,7 @@ pub(super) struct Channel {
 /// Metadata of a message.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct About {
-    /// Step at which it was sent.
+    /// Step at which the message was sent.
     pub(super) step: u64,
     /// Age of the content at that step, in steps.
     pub(super) age_steps: u32,
@@ -56,7 +56,7 @@ pub(super) struct About {
 /// Saved state of a medium.
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedChannel {
-    /// `None` while no fault of the link acts: the next one begins with nothing in transit.
+    /// `None` while no link fault acts: the next one begins with nothing in transit.
     under_way: Option<UnderWay>,
     received: Vec<f64>,
     received_about: About,
@@ -106,7 +106,7 @@ impl Channel {
 
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedChannel) -> Result<(), Invalid> {
-        let not_one = || Invalid("the state of the link is not one of this plant".into());
+        let not_one = || Invalid("the state of the link does not belong to this plant".into());
         if saved.received.len() != self.width {
             return Err(not_one());
         }
@@ -139,7 +139,7 @@ impl Channel {
         &self.arrivals
     }
 
-    /// Remembers a message that is received as sent, because no fault of the link acts.
+    /// Remembers a message that is received as sent, because no link fault acts.
     pub(super) fn note(&mut self, values: &[f64], about: About) {
         self.received.copy_from_slice(values);
         self.received_about = about;
@@ -147,7 +147,7 @@ impl Channel {
         self.bypassed = true;
     }
 
-    /// Begins a fault of the link, possibly in addition to others.
+    /// Begins a link fault, possibly in addition to others.
     pub(super) fn begin(&mut self) {
         if std::mem::take(&mut self.bypassed) {
             let received = (!self.silent).then_some(self.received_about.step);
@@ -155,7 +155,7 @@ impl Channel {
         }
     }
 
-    /// Ends a fault of the link, possibly not the last.
+    /// Ends a link fault, possibly while others continue.
     pub(super) const fn end(&mut self, step: Step) {
         self.arrivals.overrule(step.0);
     }
@@ -188,8 +188,8 @@ impl Channel {
         self.arrivals.send(step.0, passage);
     }
 
-    /// Seals the stored message in a real frame, inverts its bits and opens it into `opened`; `None` if the frame's
-    /// check rejects it.
+    /// Seals the stored message in a real frame, inverts its bits and opens the frame into `opened`; `None` if the
+    /// frame's check rejects it.
     fn open_broken(&mut self, step: Step, passage: &Passage) -> Option<Header> {
         let place = (step.0 % DEPTH as u64) as usize;
         let header = Header {
@@ -205,8 +205,8 @@ impl Channel {
         frame.open(IDENTITY, &mut self.opened).ok()
     }
 
-    /// Writes the receiver's values at a step and returns their age in steps. Without any message so far they are zero,
-    /// invalid, and as old as the run.
+    /// Writes the receiver's values at a step and returns their age in steps. Before the first message the values are
+    /// zero, invalid, and as old as the run.
     pub(super) fn receive(
         &mut self,
         step: Step,
@@ -352,7 +352,7 @@ mod tests {
         line.note(1);
         line.0.begin();
         let bits = line.0.bits();
-        assert_eq!(bits, 64 * (1 + 11 + 1 + 2)); // check sum, header, validity, values
+        assert_eq!(bits, 64 * (1 + 11 + 1 + 2)); // checksum, header, validity, values
         // In the checksum, in the first value, in the last; and one that no copy carries.
         let mut refusals = 0;
         for (step, bit, copies) in [

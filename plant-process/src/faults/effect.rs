@@ -1,7 +1,7 @@
-//! Effect of a fault: its life cycle, its action, and the size of its action.
+//! Effect of a fault: its life cycle, its action, and the size of that action.
 //!
-//! Created by the fault builder with all the memory it needs, owned by the layer. An effect waits, acts and ends; it
-//! never goes back, and afterwards keeps only its report.
+//! Created by the fault builder with all the memory it needs, and owned by the layer. An effect waits, acts and ends in
+//! this order, and afterwards keeps only its report.
 
 use std::fmt::Write;
 
@@ -33,7 +33,7 @@ pub(super) enum Action {
     Move(Vec<(usize, Operation, f64)>),
     /// Changes a parameter.
     Parameter(usize, Box<dyn Fault>),
-    /// Changes a signal: of the sample, measured signals and then reference signals; or a command of the plant.
+    /// Changes a signal: a signal of the sample (measured signals, then reference signals), or a command of the plant.
     Signal(Direction, usize, Box<dyn Fault>),
     /// Changes the arrivals; includes the arrivals as if no other fault followed this one.
     Link(Direction, Box<dyn Fault>, Box<Arrivals>),
@@ -50,7 +50,7 @@ pub(super) enum Action {
 pub(super) enum Life {
     /// Before the effect begins.
     Waits,
-    /// Acting, since this step.
+    /// Acting since this step.
     Acts(u64),
     /// Ended, or never to begin.
     Ended,
@@ -60,9 +60,9 @@ pub(super) enum Life {
 pub(super) struct Effect {
     pub(super) action: Action,
     pub(super) life: Life,
-    /// Steps after the beginning of its event.
+    /// Delay after the beginning of the effect's event, in steps.
     pub(super) skew_steps: u64,
-    /// Number of steps for which it acts, if limited.
+    /// Number of steps for which the effect acts, if limited.
     after_steps: Option<u64>,
     /// Maximum number of occurrences, if limited.
     most_occurrences: Option<u64>,
@@ -82,7 +82,7 @@ pub(super) struct SavedEffect {
     size: FaultEffectSize,
     acting: bool,
     runs: u64,
-    /// State of its action, while it acts.
+    /// State of the effect's action while it acts.
     fault: Option<State>,
     arrivals: Option<Arrivals>,
 }
@@ -102,7 +102,7 @@ impl Action {
 }
 
 impl Effect {
-    /// Creates an effect that waits. Its size is reported in this unit.
+    /// Creates a waiting effect whose size is reported in this unit.
     pub(super) fn new(
         beginning: FaultBegun,
         unit: String,
@@ -159,7 +159,9 @@ impl Effect {
         };
         let (theirs, ours) = (what(&saved.size), what(&self.size));
         if theirs != ours {
-            return Err(Invalid(format!("{theirs} was saved, not {ours}")));
+            return Err(Invalid(format!(
+                "the state was saved for {theirs}, not for {ours}"
+            )));
         }
         self.life = saved.life;
         self.size = FaultEffectSize {
@@ -183,14 +185,14 @@ impl Effect {
         &self.size
     }
 
-    /// Begins at a step.
+    /// Begins the effect at a step.
     pub(super) const fn hold(&mut self, step: Step) {
         self.life = Life::Acts(step.0);
         self.size.step = Some(step.0);
     }
 
-    /// Gives a fault that has begun its random numbers. `twins` is the number of effects that would otherwise have the
-    /// same; `path` is a reusable buffer.
+    /// Assigns random numbers to a fault that has begun. `twins` is the number of effects that would otherwise use the
+    /// same numbers; `path` is a reusable buffer.
     pub(super) fn start(&mut self, seed: u64, twins: usize, path: &mut String) {
         let FaultEffectSize {
             kind, target, step, ..
@@ -225,7 +227,7 @@ impl Effect {
         Some(beginning)
     }
 
-    /// Ends; this step is healthy again.
+    /// Ends the effect; this step is already healthy.
     pub(super) const fn end(&mut self, step: Step) {
         if matches!(self.life, Life::Acts(_)) {
             self.size.ended_step = Some(step.0);
@@ -240,7 +242,7 @@ impl Effect {
         self.taken = None;
     }
 
-    /// Returns the step at which it ends by itself, if known.
+    /// Returns the step at which the effect ends by itself, if known.
     pub(super) const fn own_end(&self) -> Option<u64> {
         match (self.life, self.after_steps) {
             (Life::Acts(since), Some(steps)) => Some(since.saturating_add(steps)),
@@ -248,7 +250,7 @@ impl Effect {
         }
     }
 
-    /// Returns the moment at which it acts.
+    /// Returns the time and profile value at which the effect acts.
     pub(super) fn moment(&self, step: Step, rate: Rate) -> Moment {
         let since = match self.life {
             Life::Acts(since) => since,
@@ -265,7 +267,7 @@ impl Effect {
         }
     }
 
-    /// Records its action at a step. `change` is also 0 if only the validity changed.
+    /// Records the effect's action at a step. `change` is also 0 if only the validity changed.
     pub(super) fn note(&mut self, acted: bool, change: f64) {
         self.size.acted_steps += u64::from(acted);
         self.runs += u64::from(acted && !self.acting);
@@ -273,7 +275,7 @@ impl Effect {
         self.grow(change);
     }
 
-    /// Records the size of its action.
+    /// Records the size of the effect's action.
     pub(super) fn grow(&mut self, change: f64) {
         if change > self.size.max_effect {
             // The difference of two finite numbers can overflow.
@@ -281,8 +283,8 @@ impl Effect {
         }
     }
 
-    /// Returns `true` if the effect has completed its maximum number of occurrences: sequences of steps for effects on
-    /// numbers, single steps for effects on messages or time.
+    /// Returns `true` if the effect has completed its maximum number of occurrences. For effects on numbers an
+    /// occurrence is a sequence of steps; for effects on messages or time it is a single step.
     pub(super) fn is_spent(&self) -> bool {
         let occurrences = match self.action {
             Action::Link(..) | Action::Skip(..) | Action::Busy(..) => self.size.acted_steps,

@@ -1,8 +1,7 @@
 //! `trait FaultKind`: the interface of a fault kind.
 //!
-//! A kind receives its parameters, the moment and its target, and nothing else: no clock, no file, no other fault. The
-//! same fault therefore gives the same numbers whether it comes from a scenario, from a command line or from a repeated
-//! run.
+//! A kind receives only its parameters, the moment and its target: no clock, no file and no other fault. The same fault
+//! therefore gives the same numbers whether it comes from a scenario, from a command line or from a repeated run.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{ActsOn, FaultKindDescription, Invalid, ListDescription, Settings};
@@ -15,10 +14,10 @@ use shared_types::time::Rate;
 /// Kind of fault on signals, links or timing, called in this order:
 ///
 /// 1. [`start`](FaultKind::start), once, away from the loop: here it may allocate.
-/// 2. [`hold`](FaultKind::hold), at the step at which it takes hold.
-/// 3. At every step from then on, even while its profile is 0, the one of [`number`](FaultKind::number) (on signals by
-///    [`coupled`](FaultKind::coupled)), [`message`](FaultKind::message) and [`timing`](FaultKind::timing) that matches
-///    [`ACTS_ON`]. These run in the loop: no allocation, no system call.
+/// 2. [`hold`](FaultKind::hold), at the step at which the fault takes effect.
+/// 3. At every later step, even while its profile is 0, the method that matches [`ACTS_ON`]:
+///    [`number`](FaultKind::number) (on signals by [`coupled`](FaultKind::coupled)), [`message`](FaultKind::message) or
+///    [`timing`](FaultKind::timing). These methods run in the loop: no allocation, no system call.
 ///
 /// [`ACTS_ON`]: FaultKind::ACTS_ON
 pub trait FaultKind: Sized + Send + 'static {
@@ -30,13 +29,13 @@ pub trait FaultKind: Sized + Send + 'static {
     const EQUATION: &'static str;
     /// Targets that the fault acts on.
     const ACTS_ON: ActsOn;
-    /// Parameters. The unit `target` stands for that of the target; a parameter with a default may be omitted.
+    /// Parameters. The unit `target` stands for the target's unit; a parameter with a default may be omitted.
     type Parameters: Table + Default;
 
-    /// Names of the parameters that have a default and so may be omitted. The others are required.
+    /// Names of the parameters that have a default and so may be omitted. The other parameters are required.
     const OPTIONAL: &'static [&'static str] = &[];
 
-    /// Returns the list of numbers that it accepts in addition, if any.
+    /// Returns the description of an additional list of numbers, if the kind accepts one.
     #[must_use]
     fn list() -> Option<ListDescription> {
         None
@@ -51,10 +50,10 @@ pub trait FaultKind: Sized + Send + 'static {
     /// Creates the fault before it begins.
     ///
     /// # Errors
-    /// If the parameters, although each is in its range, are inconsistent.
+    /// If the parameters are inconsistent, although each is in its range.
     fn start(setup: &Setup<'_, Self::Parameters>) -> Result<Self, Invalid>;
 
-    /// Begins. `random` is a stream of the fault's own, keyed by seed, kind, target and step.
+    /// Begins the fault. `random` is the fault's own stream, derived from seed, kind, target and step.
     fn hold(&mut self, random: RandomStream) {
         let _ = random;
     }
@@ -65,7 +64,7 @@ pub trait FaultKind: Sized + Send + 'static {
         reading
     }
 
-    /// Returns the reading that a signal becomes, of which `row` has all signals of the same direction.
+    /// Returns the faulty reading of a signal; `row` has all signals of the same direction.
     fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading {
         let _ = row;
         self.number(at, reading)
@@ -91,7 +90,7 @@ pub struct Setup<'a, P> {
     pub list: &'a [f64],
     /// Steps per second.
     pub rate: Rate,
-    /// Number of signals in the row that [`FaultKind::coupled`] gets; 0 where it is not called.
+    /// Number of signals in the row that [`FaultKind::coupled`] receives; 0 for kinds without that method.
     pub signals: usize,
 }
 
@@ -102,7 +101,7 @@ pub struct Moment {
     pub step: u64,
     /// Steps since the beginning of the fault.
     pub since_steps: u64,
-    /// The same in s.
+    /// Seconds since the beginning of the fault.
     pub since_s: f64,
     /// The profile g at this step.
     pub gain: f64,
@@ -122,10 +121,10 @@ pub struct Reading {
 pub struct Passage {
     /// Delay of each copy in steps; `None` if the copy does not exist.
     pub copies: [Option<u32>; Self::MOST_COPIES],
-    /// `true` for each copy that was overtaken: it arrives after everything else at its step. Otherwise the message
-    /// sent later wins.
+    /// `true` for each overtaken copy, which arrives after everything else at its step. Otherwise the message sent
+    /// later wins.
     pub overtaken: [bool; Self::MOST_COPIES],
-    /// Bits to invert, of which the first `flipped` count; numbered as in
+    /// Bits to invert, of which only the first `flipped` are used; numbered as in
     /// [`Frame::flip`](shared_types::frame::Frame::flip).
     pub flips: [u64; Self::MOST_FLIPS],
     /// Number of `flips` in use.
@@ -139,10 +138,10 @@ impl Passage {
     pub const MOST_COPIES: usize = 4;
     /// Maximum number of inverted bits in one message.
     pub const MOST_FLIPS: usize = 16;
-    /// Maximum delay of a copy, in steps; later ones never arrive.
+    /// Maximum delay of a copy, in steps; a copy with a longer delay never arrives.
     pub const LATEST_STEPS: u32 = 1000;
 
-    /// Creates the passage of a message of N bits that arrives once, punctual and intact.
+    /// Creates the passage of a message of N bits that arrives once, on time and intact.
     #[must_use]
     pub const fn healthy(bits: u64) -> Self {
         Self {
@@ -161,7 +160,7 @@ pub trait Fault: Send {
     fn hold(&mut self, random: RandomStream);
     /// Returns the faulty reading of a signal or parameter.
     fn number(&mut self, at: &Moment, reading: Reading) -> Reading;
-    /// Returns the reading that a signal becomes, of which `row` has all signals of the same direction.
+    /// Returns the faulty reading of a signal; `row` has all signals of the same direction.
     fn coupled(&mut self, at: &Moment, reading: Reading, row: &[f64]) -> Reading;
     /// Changes the passage of a message on the link.
     fn message(&mut self, at: &Moment, passage: &mut Passage);
@@ -170,12 +169,12 @@ pub trait Fault: Send {
     /// Returns the present state.
     ///
     /// # Errors
-    /// If it cannot be saved.
+    /// If the state cannot be saved.
     fn save(&self) -> Result<State, Invalid>;
     /// Restores a saved state.
     ///
     /// # Errors
-    /// If it is not a state of this kind with these parameters.
+    /// If the bytes are not a state of this kind with these parameters.
     fn restore(&mut self, state: &State) -> Result<(), Invalid>;
 }
 

@@ -3,10 +3,11 @@
 //! Called by the engine at each step, in this order: [`advance`](FaultLayer::advance) begins and ends faults and moves
 //! parameters, [`sample`](FaultLayer::sample) turns the measured signals into those that the controller receives,
 //! [`timing`](FaultLayer::timing) returns the delays of both sides, and [`command`](FaultLayer::command) turns the
-//! controller's commands into the applied ones. None of these allocates. Models and laws are unaware of it.
+//! controller's commands into the applied ones. None of these methods allocates. Models and laws are unaware of the
+//! layer.
 //!
-//! Effects on one target act in the order in which they began: by step, then number of the event, then index in the
-//! event. Each acts on the result of the previous one, and its size is the change that it made.
+//! Effects on one target act in the order in which they began: by step, then by number of the event, then by index in
+//! the event. Each effect acts on the result of the previous one, and its size is the change that it made.
 
 use std::collections::VecDeque;
 
@@ -65,7 +66,7 @@ impl SavedFaults {
     }
 }
 
-/// Targets of effects, each with the effects that act on it.
+/// Targets of effects, each with the effects that act on the target.
 struct Targets {
     parameters: Parameters,
     sample: SignalPath,
@@ -80,7 +81,7 @@ pub struct Admitted {
     pub id: u32,
     /// Kind.
     pub kind: String,
-    /// Step at which it begins, if known.
+    /// Step at which the fault begins, if known.
     pub step: Option<Step>,
     /// Event or condition that the fault waits for, if the step is unknown.
     pub waits_for: Option<String>,
@@ -90,7 +91,7 @@ impl FaultLayer {
     /// Creates the faults of a scenario.
     ///
     /// # Errors
-    /// If one of them is invalid.
+    /// If one of the faults is invalid.
     pub fn new(builder: &FaultBuilder, events: &[FaultEvent]) -> Result<Self, Invalid> {
         for event in events {
             builder.effects(event)?;
@@ -130,7 +131,7 @@ impl FaultLayer {
     /// Restores a saved state; its events are armed in their original order.
     ///
     /// # Errors
-    /// If it is not a state of these faults.
+    /// If the state does not belong to these faults.
     pub fn restore(&mut self, saved: SavedFaults) -> Result<(), Invalid> {
         restore_effects(&mut self.effects, &saved.effects)?;
         self.schedule.restore(&saved.events, &self.effects)?;
@@ -173,8 +174,8 @@ impl FaultLayer {
         Ok(())
     }
 
-    /// Advances the faults to a step: begins and ends them and moves the plant's parameters. Returns `true` if a
-    /// parameter changed. `last` is the previous record, on which conditions are evaluated.
+    /// Advances the faults to a step: begins and ends faults and changes the plant's parameters. Returns `true` if a
+    /// parameter changed. `last` is the previous record, for evaluating conditions.
     pub fn advance(&mut self, step: Step, last: Option<&[f64]>) -> bool {
         if self.schedule.turn(&mut self.effects, step, last) {
             self.follow(step, false);
@@ -183,7 +184,7 @@ impl FaultLayer {
         self.targets.parameters.advance(effects, step, rate)
     }
 
-    /// Sets the healthy value of a plant parameter, on which faults act; before [`advance`](Self::advance).
+    /// Sets the healthy value of a plant parameter, on which faults act. Call it before [`advance`](Self::advance).
     pub fn rebase(&mut self, index: usize, value: f64) {
         self.targets.parameters.rebase(index, value);
     }
@@ -230,10 +231,10 @@ impl FaultLayer {
         timing.plant_was_busy(&mut self.effects, busy_ns);
     }
 
-    /// Turns the controller's commands into the applied ones and returns their age in steps. `age_steps` is their age
-    /// at this step, `work_ns` the controller's work on them. `invalid` are the bits of these commands, first as sent
-    /// and afterwards as received by the plant. Like a valve driver that holds the last good current, an invalid
-    /// command leaves the previous one in force.
+    /// Converts the controller's commands into the applied ones and returns their age in steps. `age_steps` is the age
+    /// of the controller's commands at this step, `work_ns` the time that the controller spent on them. `invalid` holds
+    /// the validity bits of these commands, first as sent and afterwards as received by the plant. As in a valve driver
+    /// that holds the last good current, an invalid command leaves the previous one in force.
     pub fn command(
         &mut self,
         step: Step,
@@ -265,7 +266,7 @@ impl FaultLayer {
     /// Admits live faults before a step, all or none.
     ///
     /// # Errors
-    /// If one of them should have begun in the past, or never will.
+    /// If one of the faults should have begun in the past, or would never begin.
     pub fn admit(
         &mut self,
         armed: Vec<Box<ArmedFault>>,
@@ -275,14 +276,14 @@ impl FaultLayer {
             let trigger = &fault.event().trigger;
             if let Some(other) = self.schedule.follows_in_vain(trigger) {
                 return Err(format!(
-                    "fault {other} ended before it took hold: nothing can follow it"
+                    "fault {other} ended before it took effect, so nothing can follow it"
                 ));
             }
             let hold = self.schedule.hold_of(trigger, next);
             if let Some(step) = hold.filter(|&step| step < next.0) {
                 let (at_s, next_s) = (self.rate.seconds(Step(step)), self.rate.seconds(next));
                 return Err(format!(
-                    "step {step} ({at_s} s) is past: the run is at step {next} ({next_s} s)"
+                    "step {step} ({at_s} s) is past, because the run is at step {next} ({next_s} s); choose a later time"
                 ));
             }
         }
@@ -314,7 +315,7 @@ impl FaultLayer {
         Ok(admitted)
     }
 
-    /// Releases the resources of at most N ended faults; their reports stay.
+    /// Releases the resources of at most N ended faults; their reports remain.
     fn retire(&mut self, most: usize) {
         for effects in (0..most).map_while(|_| self.schedule.retire()) {
             self.effects[effects].iter_mut().for_each(Effect::retire);
@@ -328,7 +329,7 @@ impl FaultLayer {
         cleared
     }
 
-    /// Lists every fault, in the order of their numbers.
+    /// Lists every fault, in the order of the fault numbers.
     #[must_use]
     pub fn states(&self) -> Vec<FaultState> {
         self.schedule.states(&self.effects)
@@ -387,7 +388,7 @@ impl FaultLayer {
 }
 
 impl Targets {
-    /// Returns the stack of effects at the place of this one.
+    /// Returns the stack of effects at the place of this effect.
     const fn stack_of(&mut self, action: &Action) -> &mut Vec<usize> {
         match action {
             // An ended effect is in no stack.
@@ -434,7 +435,7 @@ fn restore_effects(effects: &mut [Effect], saved: &[SavedEffect]) -> Result<(), 
     if saved.len() != effects.len() {
         let (theirs, ours) = (saved.len(), effects.len());
         return Err(Invalid(format!(
-            "{theirs} effects of faults were saved, but there are {ours} here"
+            "the state contains {theirs} effects of faults, but this run has {ours}"
         )));
     }
     let mut pairs = effects.iter_mut().zip(saved);

@@ -2,12 +2,13 @@
 //!
 //! A fault is an event with one or more effects, each on one target:
 //!
-//! 1. The [`builder`] creates it, outside the loop, with everything it needs. Its effect on a target is defined by a
-//!    [`kind`]; the built-in ones are in [`kinds`], and a binary may add its own.
-//! 2. The [`layer`], which the engine calls at every step, admits it.
-//! 3. The `schedule` determines the steps at which it begins and ends.
-//! 4. In between each `effect` acts on its target: the plant's `parameters`, the signals or the link of a `signal_path`
-//!    (whose `channel` is the medium, with its `arrivals`), or the `timing`; with the course of its [`profile`].
+//! 1. The [`builder`] creates the fault outside the loop, with everything it needs. The effect on a target is defined
+//!    by a [`kind`]; the built-in kinds are in [`kinds`], and a binary may add its own.
+//! 2. The [`layer`], which the engine calls at every step, admits the fault.
+//! 3. The `schedule` determines the steps at which the fault begins and ends.
+//! 4. In between, each `effect` acts on its target: the plant's `parameters`, the signals or the link of a
+//!    `signal_path` (whose `channel` is the medium, with its `arrivals`), or the `timing`. Its [`profile`] gives the
+//!    course.
 
 mod arrivals;
 pub mod builder;

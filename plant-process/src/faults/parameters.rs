@@ -1,8 +1,8 @@
 //! The plant's parameters under faults.
 //!
-//! Recomputed at each step by the layer while a fault acts on one of them: from the healthy values, every fault in
-//! turn, so that an ended fault leaves no trace. No fault moves a parameter out of the range in which the plant is
-//! valid: it stays at the bound, and NaN changes nothing. The fault's effect is measured after this limitation.
+//! Recomputed at each step by the layer while a fault acts on a parameter: from the healthy values, fault by fault, so
+//! that an ended fault leaves no trace. No fault moves a parameter out of the range in which the plant is valid: the
+//! parameter stops at the bound, and NaN changes nothing. The fault's effect is measured after this limitation.
 
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, Operation};
@@ -20,7 +20,7 @@ pub(super) struct Parameters {
     before: Vec<f64>,
     /// Indices of the faultable parameters.
     faultable: Vec<usize>,
-    /// Effects that act on them, in the order in which they began.
+    /// Effects that act on parameters, in the order in which they began.
     stack: Vec<usize>,
     /// `true` after an effect ended: the parameters must be recomputed even if no effect is left.
     stale: bool,
@@ -67,7 +67,9 @@ impl Parameters {
         if saved.present.len() == self.present.len() {
             Ok(())
         } else {
-            Err(Invalid("its parameters are not those of this plant".into()))
+            Err(Invalid(
+                "the parameters in the state are not those of this plant".into(),
+            ))
         }
     }
 
@@ -90,7 +92,7 @@ impl Parameters {
         self.faultable.iter().map(|&index| self.present[index])
     }
 
-    /// Returns the effects that act on them.
+    /// Returns the effects that act on parameters.
     pub(super) const fn stack(&mut self) -> &mut Vec<usize> {
         &mut self.stack
     }
@@ -108,7 +110,7 @@ impl Parameters {
         self.stale = true;
     }
 
-    /// Advances them to a step; returns `true` if one changed.
+    /// Advances the parameters to a step; returns `true` if one changed.
     pub(super) fn advance(&mut self, effects: &mut [Effect], step: Step, rate: Rate) -> bool {
         if self.stack.is_empty() && !self.stale {
             return false;
@@ -129,7 +131,7 @@ impl Parameters {
     }
 }
 
-/// Applies an effect. If it moves several parameters, its size is that of the first.
+/// Applies an effect. If the effect moves several parameters, its size is that of the first parameter.
 fn apply(effect: &mut Effect, fields: &[Field], row: &mut [f64], step: Step, rate: Rate) {
     let at = effect.moment(step, rate);
     let (mut acted, mut change) = (false, 0.0);

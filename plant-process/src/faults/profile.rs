@@ -38,7 +38,7 @@ pub fn gain(profile: &Profile, since_s: f64) -> f64 {
 /// Returns 1 in the first part of each period, 0 in the rest.
 ///
 /// A time on an edge belongs to the part that begins there. The quotient of time and period has a rounding error, so a
-/// time very close to an edge counts as on it; otherwise a part could be a step short.
+/// time very close to an edge counts as on the edge; otherwise a part could be a step short.
 fn intermittent(periods: f64, duty: f64) -> f64 {
     let rounding = 2.0 * f64::EPSILON * periods;
     let part = periods - libm::floor(periods + rounding);

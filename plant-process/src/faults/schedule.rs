@@ -1,14 +1,14 @@
 //! The schedule: the step at which each fault begins and ends.
 //!
-//! Called by the layer once per step, before anything else happens there. It handles triggers, ends and conditions,
+//! Called by the layer once per step, before everything else. The schedule handles triggers, ends and conditions,
 //! independently of the actions of effects. While no beginning or end is due and no condition is watched, a call is one
 //! comparison.
 //!
-//! Of ended events only the listed data stays: the rest is released when another fault is admitted, which allocates
-//! anyway, never at a step.
+//! Of ended events only the listed data remains. The rest is released when another fault is admitted, which allocates
+//! anyway, and never at a step.
 //!
-//! At one step, faults end before others begin, and those that begin do so in the order of their event numbers and
-//! their indices in the event.
+//! At one step, faults end before others begin, and the beginnings are ordered by event number and by index in the
+//! event.
 
 use std::ops::Range;
 
@@ -39,15 +39,15 @@ pub(super) enum Change {
 pub(super) struct Schedule {
     /// Events by number.
     events: Vec<Scheduled>,
-    /// Indices of those that are not over, rising.
+    /// Indices of the events that are not over, ascending.
     living: Vec<usize>,
-    /// Indices of those that are over and still own their resources.
+    /// Indices of the events that are over and still own their resources.
     over: Vec<usize>,
     /// Number of effects of the living events.
     living_effects: usize,
     /// First step at which a beginning or end is due.
     due: u64,
-    /// Indices of events that wait for or end by a condition.
+    /// Indices of events that begin or end by a condition.
     watching: Vec<usize>,
     /// `true` if an effect has a maximum number of occurrences.
     counting: bool,
@@ -61,13 +61,13 @@ struct Scheduled {
     when: Option<Watch>,
     until: Option<Watch>,
     effects: Range<usize>,
-    /// Step at which it begins, once known.
+    /// Step at which the event begins, once known.
     hold: Option<u64>,
     /// `true` once the event has begun.
     held: bool,
-    /// Step at which it ends, once known.
+    /// Step at which the event ends, once known.
     end: Option<u64>,
-    /// `true` once all its effects have ended.
+    /// `true` once all effects of the event have ended.
     over: bool,
 }
 
@@ -75,7 +75,7 @@ struct Scheduled {
 #[derive(Debug, Serialize, Deserialize)]
 pub(super) struct SavedEvent {
     id: u32,
-    /// Step at which it began, if it has.
+    /// Step at which the event began, if it has begun.
     held: Option<u64>,
     over: bool,
     /// Numbers of records for which the conditions of its beginning and its end have held.
@@ -112,7 +112,7 @@ impl Schedule {
         if saved.len() != self.events.len() || !self.events.iter().zip(saved).all(same) {
             let (theirs, ours) = (saved.len(), self.events.len());
             return Err(Invalid(format!(
-                "{theirs} faults were saved, which are not the {ours} here"
+                "the state contains {theirs} faults, which are not the {ours} of this run"
             )));
         }
         for (scheduled, saved) in self.events.iter_mut().zip(saved) {
@@ -135,8 +135,8 @@ impl Schedule {
         Ok(())
     }
 
-    /// Arms an event whose effects are at `effects`; it waits from step `next` on. Returns the step at which it begins,
-    /// if known. [`look_ahead`](Self::look_ahead) must follow.
+    /// Arms an event whose effects are at `effects` and which waits from step `next` on. Returns the step at which the
+    /// event begins, if known. [`look_ahead`](Self::look_ahead) must follow.
     pub(super) fn arm(
         &mut self,
         armed: ArmedFault,
@@ -220,8 +220,8 @@ impl Schedule {
         Some(&self.events[place]).filter(|scheduled| scheduled.event.id == id)
     }
 
-    /// Determines the beginnings and ends of a step. `last` is the previous record, on which conditions are evaluated.
-    /// Returns `true` if there are any, which [`changes`](Self::changes) then lists.
+    /// Determines the beginnings and ends of a step. `last` is the previous record, for evaluating conditions. Returns
+    /// `true` if there are any, which [`changes`](Self::changes) then lists.
     pub(super) fn turn(
         &mut self,
         effects: &mut [Effect],
@@ -250,8 +250,8 @@ impl Schedule {
         &self.changes
     }
 
-    /// Evaluates the conditions on the record before a step. An end condition is evaluated from the record of the
-    /// event's first step on.
+    /// Evaluates the conditions on the record before a step. An end condition is evaluated beginning with the record of
+    /// the event's first step.
     fn watch(&mut self, step: Step, last: &[f64]) {
         for &place in &self.watching {
             let scheduled = &mut self.events[place];
@@ -293,7 +293,7 @@ impl Schedule {
         }
     }
 
-    /// Begins due events; returns `true` if there was one.
+    /// Begins due events; returns `true` if an event was due.
     fn hold_due(&mut self, step: Step) -> bool {
         let mut any = false;
         for at in 0..self.living.len() {
@@ -355,7 +355,7 @@ impl Schedule {
         }
     }
 
-    /// Moves ended events out of the living; there is room for all of them.
+    /// Moves ended events out of the list of living events; there is room for all of them.
     fn bury(&mut self) {
         let (events, over) = (&self.events, &mut self.over);
         self.living.retain(|place| {
@@ -405,7 +405,7 @@ impl Schedule {
         cleared
     }
 
-    /// Lists every event, by its number.
+    /// Lists every event by its number.
     pub(super) fn states(&self, effects: &[Effect]) -> Vec<FaultState> {
         let state = |scheduled: &Scheduled| {
             let effects = &effects[scheduled.effects.clone()];
@@ -432,7 +432,7 @@ impl Schedule {
         self.events.iter().map(state).collect()
     }
 
-    /// Describes what an event waits for.
+    /// Describes the step, event or condition that an event waits for.
     fn waits_for(&self, scheduled: &Scheduled, effects: &[Effect]) -> String {
         let trigger = &scheduled.event.trigger;
         let begins = effects
@@ -440,7 +440,7 @@ impl Schedule {
             .filter_map(|effect| scheduled.begin_of(effect));
         match (begins.min(), self.follows_in_vain(trigger)) {
             (Some(step), _) => format!("step {step}"),
-            (None, Some(other)) => format!("fault {other}, which ended before it took hold"),
+            (None, Some(other)) => format!("fault {other}, which ended before it took effect"),
             (None, None) => waits_for(trigger),
         }
     }
@@ -454,7 +454,7 @@ impl Scheduled {
     }
 }
 
-/// Describes what a trigger waits for.
+/// Describes the step, event or condition that a trigger waits for.
 pub(super) fn waits_for(trigger: &Trigger) -> String {
     match trigger {
         Trigger::Step { step, .. } => format!("step {step}"),
@@ -467,8 +467,8 @@ pub(super) fn waits_for(trigger: &Trigger) -> String {
             _ => format!("`{expression}` to hold for {records} consecutive records"),
         },
         Trigger::After { event, delay_steps } => match delay_steps {
-            0 => format!("fault {event} to take hold"),
-            _ => format!("{delay_steps} steps after fault {event} takes hold"),
+            0 => format!("fault {event} to take effect"),
+            _ => format!("{delay_steps} steps after fault {event} takes effect"),
         },
     }
 }

@@ -1,6 +1,6 @@
 //! Path of the signals in one direction between plant and controller, and the medium that they cross.
 //!
-//! Called by the layer at every step, in the order of processing: a sample's signal faults act before it is sent, a
+//! Called by the layer at every step, in the order of processing: a sample's signal faults act before it is sent, and a
 //! command's after it has arrived. Without faults a path only remembers the row, as a fallback for a later fault.
 
 use serde::{Deserialize, Serialize};
@@ -19,9 +19,9 @@ pub(super) type Row<'a> = (&'a mut [f64], &'a mut [u64; VALIDITY_WORDS]);
 pub(super) struct SignalPath {
     /// Effects that act on signals, in the order in which they began.
     signals: Vec<usize>,
-    /// Effects that act on the link, likewise.
+    /// Effects that act on the link, in the order in which they began.
     link: Vec<usize>,
-    /// Signals of the previous step, which an invalid signal keeps; 0 before the first step.
+    /// Signals of the previous step, whose values replace invalid signals; 0 before the first step.
     kept: Vec<f64>,
     channel: Channel,
 }
@@ -59,7 +59,9 @@ impl SignalPath {
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedPath) -> Result<(), Invalid> {
         if saved.kept.len() != self.kept.len() {
-            return Err(Invalid("its signals are not those of this plant".into()));
+            return Err(Invalid(
+                "the signals in the state are not those of this plant".into(),
+            ));
         }
         // Not replaced: they have room for every armed effect.
         self.signals.clone_from(&saved.signals);

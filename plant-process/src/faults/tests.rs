@@ -1,4 +1,4 @@
-//! The layer step by step, against sequences worked out by hand.
+//! The layer step by step, against sequences computed by hand.
 //!
 //! At step k the healthy plant measures `a_m` = k and `b_m` = 10, the rig requests `r_m` = 5, and the controller
 //! answers with `u_n` = k and `v_n` = -1. The fault kinds here are as simple as possible.

@@ -1,8 +1,8 @@
 //! Timing: requests of faults to plant and controller, and their outcome.
 //!
-//! The layer calls it before a sample is sent and again after its answer has arrived. It never waits itself.
-//!
-//! The effect of a fault is its request, limited to what was observed: a controller that does not obey shows no effect.
+//! The layer calls this module before a sample is sent and again after its answer has arrived. The module itself never
+//! waits. The effect of a fault is its request, limited to the observed delay: a controller that does not obey shows no
+//! effect.
 
 use shared_types::directive::Directive;
 use shared_types::side::Side;

@@ -1,8 +1,7 @@
 //! Figures of an instrument that follow from its keys and the rate of the run: noise, delay, phase.
 //!
-//! Behind `hil config show --instruments`. The lag's figures are those of the stage that runs, by its answer
-//! to an impulse. Stages that are not linear (rate limit, dead band, backlash, the ends of the range) have
-//! no figure here.
+//! Used by `hil config show --instruments`. The figures of a lag follow from the impulse response of the stage that
+//! runs. Nonlinear stages (rate limit, dead band, backlash, the ends of the range) have no figure here.
 
 use hil_config::plan::{Instrument, Stage};
 use shared_types::describe::Invalid;
@@ -12,7 +11,7 @@ use super::started;
 use crate::faults::kind::{Moment, Reading};
 use crate::faults::kinds;
 
-/// Longest answer to an impulse, in steps.
+/// Maximum length of an impulse response, in steps.
 const LONGEST: u64 = 1 << 20;
 
 /// Figures of an instrument.
@@ -20,7 +19,7 @@ const LONGEST: u64 = 1 << 20;
 pub struct Figures {
     /// Standard deviation of the noise in a sample, without quantisation.
     pub noise_sigma: f64,
-    /// Standard deviation that quantisation adds, a step over the root of 12.
+    /// Standard deviation added by quantisation: a step over the root of 12.
     pub quantisation_sigma: f64,
     /// Delay or dead time in s.
     pub dead_s: f64,
@@ -29,7 +28,7 @@ pub struct Figures {
     /// Delay of slow signals by the lag in s.
     pub lag_s: f64,
     period_s: f64,
-    /// Answer of the lag to an impulse; one value without a lag.
+    /// Impulse response of the lag; one value without a lag.
     impulse: Vec<f64>,
 }
 
@@ -37,7 +36,7 @@ impl Figures {
     /// Computes the figures of a sensor or actuator at a rate.
     ///
     /// # Errors
-    /// If its keys do not go together.
+    /// If the keys are inconsistent.
     pub fn of(instrument: &Instrument, rate: Rate) -> Result<Self, Invalid> {
         let period_s = rate.period_s();
         let is_lag = |stage: &&Stage| ["lag", "second-order-lag"].contains(&stage.kind.as_str());
@@ -81,7 +80,7 @@ impl Figures {
     }
 }
 
-/// The answer of a lag to an impulse, until it has faded.
+/// Computes the impulse response of a lag until it has faded.
 fn impulse(stage: &Stage, rate: Rate) -> Result<Vec<f64>, Invalid> {
     let mut lag = started(&kinds::all(), stage, (rate, 0), (0, "", 0))?;
     let mut answer = |step: u64, value| {

@@ -63,7 +63,7 @@ fn names() -> (Vec<String>, String) {
     (measured.collect(), plant.commands[0].name.clone())
 }
 
-/// Applies the sensor of the first measured signal to a series of its readings.
+/// Applies the sensor of the first measured signal to a series of readings.
 fn sensed(seed: u64, values: &[(&str, f64)], course: impl Fn(u64) -> f64, steps: u64) -> Vec<f64> {
     let (measured, _) = names();
     let mut instruments = started(seed, vec![instrument(&measured[0], values)]);

@@ -1,6 +1,6 @@
 //! The built-in plants.
 //!
-//! Each module is one plant: its tables, its equations and their tests. Your own plant looks the same; start from
+//! Each module is one plant: its tables, its equations and their tests. Your own plant has the same form; start from
 //! [`spring_mass`].
 
 pub mod drhas;
@@ -40,7 +40,7 @@ mod tests {
         settings
     }
 
-    /// Returns the parameters of a step: now and then the first spool sticks a little, or the spring is soft.
+    /// Returns the parameters of a step: at some steps the first spool sticks a little, or the spring is soft.
     fn row(kind: &PlantKind, settings: &Settings, random: &mut RandomStream) -> Vec<f64> {
         let faulty = random.uniform() < 0.5;
         let fields = kind.description.parameters.iter();

@@ -1,8 +1,8 @@
 //! The teaching plant: a mass on a spring with a damper, `m x'' + c x' + k x = F + d`.
 //!
-//! Read it top to bottom before you write a plant of your own: four tables define the inputs and outputs, and the
-//! implementation of [`Plant`] below them is the whole model. Faults are a list of named moves of its faultable
-//! parameters; the equations are unaware of them.
+//! Read this module from top to bottom before you write a plant of your own: four tables define the inputs and outputs,
+//! and the implementation of [`Plant`] below them is the whole model. Faults are a list of named moves of the plant's
+//! faultable parameters; the equations are unaware of them.
 
 use shared_types::describe::{
     FaultDescription, Invalid, MoveBy, Operation, ParameterMove, ProfileDescription,

@@ -8,8 +8,8 @@ use std::ops::{Add, Mul, Neg};
 /// Highest derivative.
 const ORDER: usize = 5;
 
-/// Repeats a block for each order from 1 on, as a constant: the compiler does not unroll the triangle of a recurrence
-/// by itself.
+/// Repeats a block for each order from 1 on, with the order as a constant: the compiler does not unroll the triangular
+/// loop of a recurrence by itself.
 macro_rules! for_each_order {
     ($k:ident => $body:block) => {
         for_each_order!($k => $body, 1 2 3 4 5)
@@ -23,7 +23,8 @@ macro_rules! for_each_order {
     };
 }
 
-/// Function near an instant, as the coefficients of `c0 + c1 s + .. + c5 s^5` in the time `s` since then.
+/// Function near an instant, as the coefficients of `c0 + c1 s + .. + c5 s^5`, where `s` is the time since that
+/// instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taylor([f64; ORDER + 1]);
 
@@ -38,7 +39,7 @@ impl Taylor {
         self.0[0]
     }
 
-    /// Returns the value and the derivatives: the n-th is n! times the n-th coefficient.
+    /// Returns the value and the derivatives; the n-th derivative is n! times the n-th coefficient.
     pub(super) fn derivatives(&self) -> [f64; ORDER + 1] {
         const FACTORIALS: [f64; ORDER + 1] = [1.0, 1.0, 2.0, 6.0, 24.0, 120.0];
         std::array::from_fn(|n| FACTORIALS[n] * self.0[n])
@@ -126,7 +127,7 @@ impl Add<f64> for Taylor {
 impl Mul for Taylor {
     type Output = Self;
 
-    /// Cauchy product, written out: the compiler does not unroll the triangle.
+    /// Cauchy product, unrolled by hand because the compiler does not unroll the triangular loop.
     #[inline]
     fn mul(self, other: Self) -> Self {
         let (a, b) = (self.0, other.0);

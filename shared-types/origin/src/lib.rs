@@ -1,7 +1,7 @@
 //! Provenance of a program, embedded by its build script: commits, uncommitted changes and the lock file.
 //!
 //! Used by the `build.rs` of each package that has a plant's or controller's `main`; `shared_types::origin!()` reads
-//! the embedded record, and `--describe` prints it. Without `git` or a commit the build records just that and
+//! the embedded record, and `--describe` prints it. Without `git` or a commit the build records their absence and
 //! continues.
 //!
 //! The sources are those of the package and of all its path dependencies; the commit is the last one that changed any
@@ -17,9 +17,9 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Commit text of sources outside any commit.
+/// Text in place of a commit for sources outside any commit.
 const UNKNOWN: &str = "unknown";
-/// Parts of a package that its program is built from.
+/// Parts of a package from which its program is built.
 const PARTS: [&str; 3] = ["src", "Cargo.toml", "build.rs"];
 
 /// Embeds the provenance of the package whose build script calls this function. The build variable `HIL_COMMIT` holds

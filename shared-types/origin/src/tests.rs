@@ -4,7 +4,7 @@ use super::*;
 
 const HEX: usize = 40;
 
-/// Temporary folder, removed on drop. Not from `tempfile`: build scripts depend on this package, and an added
+/// Temporary folder, removed on drop. Does not use `tempfile`: build scripts depend on this package, and an added
 /// dependency would make a test build recompile `iceoryx2` and everything above it.
 struct Folder(PathBuf);
 

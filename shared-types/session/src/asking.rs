@@ -1,4 +1,4 @@
-//! Queries of a program: runs it for a short answer, with limits on time and output.
+//! Queries of a program: starts it to obtain a short answer, with limits on time and output.
 
 use std::ffi::OsStr;
 use std::io::{self, Read};
@@ -12,17 +12,17 @@ use std::time::{Duration, Instant};
 
 use crate::process::{MARK, ProcessId, end_group, end_marked, reap};
 
-/// Time limit for every program to describe itself or to check a job.
+/// Time limit for a program to describe itself or to check a job.
 const ANSWER_LIMIT: Duration = Duration::from_secs(10);
-/// Time limit in s: the minimum allowed to a program to start.
+/// Time limit in s that a program has at least to start.
 pub const LEAST_S: f64 = ANSWER_LIMIT.as_secs() as f64;
-/// Time limit of programs in this process in ms: the wait limit of its command line, if that is longer.
+/// Time limit of queried programs in ms: the wait limit of this process's command line, if that is longer.
 static LIMIT_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
-/// Time that a program may stand stopped in this process, in ms: the limit of its command line, if that is shorter.
+/// Time that a queried program may remain stopped, in ms: the limit of this process's command line, if that is shorter.
 static STOPPED_MS: AtomicU64 = AtomicU64::new(ANSWER_LIMIT.as_millis() as u64);
-/// Time between two looks at the state of a program.
+/// Interval between checks of a program's state.
 const LOOK: Duration = Duration::from_millis(50);
-/// Maximum length of an answer in bytes; that of 100 plants with 512 signals each is shorter.
+/// Maximum length of an answer in bytes; the answer of 100 plants with 512 signals each is shorter.
 const LONGEST_ANSWER: u64 = 16 << 20;
 /// Maximum number of bytes kept from the beginning of a program's standard error.
 const LONGEST_COMPLAINT: u64 = 64 << 10;
@@ -50,7 +50,7 @@ pub enum NoAnswer {
 }
 
 /// Extends the time limit of all programs run by this process to this number of seconds; the minimum is 10. A program
-/// that is stopped by a signal or a debugger gets exactly these seconds.
+/// that is stopped by a signal or a debugger gets exactly this time.
 pub fn allow_seconds(limit_s: f64) {
     // The cast saturates: infinity becomes 584 million years.
     let limit_ms = (limit_s * 1e3) as u64;
@@ -66,7 +66,7 @@ fn limit(of: &AtomicU64) -> Duration {
 /// descendants.
 ///
 /// # Errors
-/// If there is no answer, with the reason.
+/// If there is no answer; the error states the reason.
 pub fn ask<S: AsRef<OsStr>>(
     path: &Path,
     arguments: &[S],
@@ -126,7 +126,8 @@ fn await_end(
             None if output.stdout.is_too_long() => return Err(NoAnswer::Failed(too_long())),
             None if stopped_since.is_some_and(|since| since.elapsed() > stopped_limit) => {
                 let limit_s = stopped_limit.as_secs_f64();
-                let reason = format!("it was stopped, and gave no answer within {limit_s} s");
+                let reason =
+                    format!("the program was stopped and did not answer within {limit_s} s");
                 return Err(NoAnswer::Failed(reason));
             }
             None if since.elapsed() > limit(&LIMIT_MS) => {
@@ -165,7 +166,7 @@ impl Heard {
     /// Returns the answer of a program that has ended.
     fn answer(self, status: ExitStatus) -> Result<Answer, String> {
         let collect = |ear: &Ear| {
-            let held_open = |_| "a process started by it holds its output open".to_owned();
+            let held_open = |_| "a process that it started holds its output open".to_owned();
             ear.bytes.recv_timeout(ANSWER_LIMIT).map_err(held_open)
         };
         let stdout = collect(&self.stdout)?;
@@ -210,6 +211,9 @@ mod tests {
         let stops = ["-c", "kill -STOP $$"];
         let answer = ask(Path::new("sh"), &stops, &|| false).map(|answer| answer.status);
         let reason = answer.expect_err("it is stopped").to_string();
-        assert_eq!(reason, "it was stopped, and gave no answer within 0.2 s");
+        assert_eq!(
+            reason,
+            "the program was stopped and did not answer within 0.2 s"
+        );
     }
 }

@@ -142,7 +142,8 @@ fn assert_broken(sentences: &[Sentence], names: &[&str]) {
     }
 }
 
-/// Makes a test of each flaw of a `Broken` fixture, which must break exactly these properties, and one of all together.
+/// Makes a test for each flaw of a `Broken` fixture, which must violate exactly these properties, and one for all flaws
+/// together.
 macro_rules! flaws {
     ($($test:ident: $flaw:ident over $fixture:ty => $($sentence:ident),+;)+) => {
         /// Flaw of an implementation.

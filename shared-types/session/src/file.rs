@@ -1,4 +1,4 @@
-//! The hash by which the file of a program is known, on this machine and on a target.
+//! Hash that identifies a program's file, on this machine and on a target.
 
 use std::fs::File;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::Path;
 /// Computes the BLAKE3 hash of a file, in hexadecimal digits.
 ///
 /// # Errors
-/// If the recording cannot be read.
+/// If the file cannot be read.
 pub fn hash(path: &Path) -> io::Result<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update_reader(File::open(path)?)?;

@@ -1,18 +1,19 @@
-//! Sessions: what plant, controller and `hil` ask of the operating system, for the contract of `shared-types`.
+//! Sessions: services of the operating system that plant, controller and `hil` use under the contract of
+//! `shared-types`.
 //!
-//! - Sessions: a [`session`] is the private place where a run happens and which leaves nothing behind.
-//!   [`mod@shared_memory`] names what keeps shared memory from being used. A [`private_folder`] has the files that a
-//!   process unpacks, and goes with it.
-//! - Processes: each [`process`] is known by more than its number, its program by the hash of its
-//!   [`mod@file`]; [`asking`] runs one for a short answer. [`supervision`] is what the processes of a session
-//!   hear from the one that started them, [`manual_start`] the way in for one that somebody else starts. [`program`] is
-//!   what they have in common.
+//! - Sessions: a [`session`] is the private place of a run, which leaves nothing behind. [`mod@shared_memory`]
+//!   diagnoses obstacles to using shared memory. A [`private_folder`] holds the files that a process unpacks, and is
+//!   removed with that process.
+//! - Processes: a [`process`] is identified by its number and start time, and its program by the hash of its
+//!   [`mod@file`]; [`asking`] runs a program for a short answer. [`supervision`] carries messages from the launcher to
+//!   the processes of a session, [`manual_start`] admits a process that was started by hand, and [`program`] is the
+//!   part that all of them share.
 //! - Transport: the [`link`] and the record [`stream`] over iceoryx2 shared memory.
-//! - Loops: a [`waiter`] waits for the other side. [`realtime`] applies what a loop is to run with, [`thread`] looks at
-//!   the loop's thread, and [`clock`] is the meters' clock.
-//! - Requests: [`live`] has the sockets by which another terminal talks to a session while it runs.
+//! - Loops: a [`waiter`] waits for the other side. [`realtime`] applies the settings of a loop, [`thread`] samples the
+//!   loop's thread, and [`clock`] is the clock of the meters.
+//! - Requests: [`live`] has the sockets through which another terminal talks to a session while it runs.
 //!
-//! No model, law, scenario or file of a recording is known here, and no rule of the lockstep.
+//! Models, laws, scenarios, recording files and the rules of lockstep are unknown here.
 
 pub mod asking;
 pub mod clock;

@@ -1,7 +1,7 @@
 //! Sockets of a session: requests to a running plant, and the side that answers.
 //!
-//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. One line of
-//! JSON each way. The loop only reads one atomic.
+//! The plant listens on a socket in the session's private folder, on its own thread; `hil` sends requests. Each request
+//! and response is one line of JSON. The loop only reads one atomic.
 
 mod listening;
 
@@ -25,14 +25,14 @@ pub const OBJECTIONS: &str = "judge";
 /// Request without a response.
 #[derive(Debug, thiserror::Error)]
 pub enum LiveError {
-    /// No listener: the plant has not started to listen, or has ended.
+    /// Missing listener: the plant does not listen yet, or has ended.
     #[error(
-        "the plant of session `{0}` takes no requests: it is starting or has ended; see `hil sessions`"
+        "the plant of session `{0}` takes no requests, because it is starting or has ended; see `hil sessions`"
     )]
     Absent(String),
     /// Plant that accepts the connection but does not respond.
     #[error(
-        "the plant of session `{session}` gave no answer within {limit_s} s; is it stopped, or held by a debugger?"
+        "the plant of session `{session}` did not respond within {limit_s} s; is it stopped, or held by a debugger?"
     )]
     Silent {
         /// The session.
@@ -53,7 +53,7 @@ pub enum LiveError {
 /// Sends a request to the plant of a session.
 ///
 /// # Errors
-/// If it does not respond within the limit.
+/// If the plant does not respond within the limit.
 pub fn ask(
     session: &SessionInfo,
     request: &Request,
@@ -62,10 +62,10 @@ pub fn ask(
     ask_at(session, SOCKET, request, limit)
 }
 
-/// Sends a request to a socket of a session: one line of JSON each way.
+/// Sends a request to a socket of a session: one line of JSON in each direction.
 ///
 /// # Errors
-/// If it does not respond within the limit.
+/// If the socket's owner does not respond within the limit.
 pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     session: &SessionInfo,
     socket: &str,
@@ -95,7 +95,7 @@ pub fn ask_at<Q: Serialize, A: DeserializeOwned>(
     if read.map_err(broken)? == 0 {
         return Err(LiveError::Broken {
             session: name(),
-            what: "it closed the connection without an answer".into(),
+            what: "the plant closed the connection without a response".into(),
         });
     }
     serde_json::from_str(&answer).map_err(|e| broken(e.into()))

@@ -1,13 +1,13 @@
-//! Manual start of a side, for example in a debugger: how it joins its session, and its lifeline.
+//! Manual start of a side, for example in a debugger: joining a session, and the lifeline.
 //!
-//! 1. `hil` listens on a socket in the session's folder, writes a [`Token`] to a file beside it that only its user can
-//!    read, and waits.
+//! 1. `hil` listens on a socket in the session's folder, writes a [`Token`] to a file in the same folder that only its
+//!    user can read, and waits.
 //! 2. The program connects and presents the token and its process ([`enter`]). `hil` checks the process behind the
-//!    connection, then admits it or states why not.
-//! 3. The connection stays open. It carries the words that a launched side reads from its standard input, and closes
-//!    when `hil` ends. In the other direction it carries the side's exit code, its last message ([`Leash`]).
+//!    connection, then admits it or states the reason for the refusal.
+//! 3. The connection stays open. It carries the messages that a launched side reads from its standard input, and closes
+//!    when `hil` ends. In the other direction it carries the side's exit code as its last message ([`Leash`]).
 //!
-//! None of these waits has a limit: a debugger may stop the process anywhere.
+//! No step has a time limit, because a debugger may stop the process anywhere.
 
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::os::unix::net::UnixStream;
@@ -25,7 +25,7 @@ pub const PANIC: u8 = 101;
 /// Word that precedes the exit code of an ending side.
 const ENDED: &str = "ended";
 
-/// Returns the name of the socket that a side connects to.
+/// Returns the name of the socket to which a side connects.
 #[must_use]
 pub fn door(side: Side) -> String {
     format!("{}.door", side.name())
@@ -37,7 +37,7 @@ pub fn token_file(side: Side) -> String {
     format!("{}.token", side.name())
 }
 
-/// Secret of one side of one session; being able to read it proves the session's user.
+/// Secret of one side of one session; only the session's user can read it.
 #[derive(Clone, Serialize, Deserialize)]
 pub struct Token {
     token: String,
@@ -62,7 +62,7 @@ impl Token {
         Ok(Self { token })
     }
 
-    /// Compares in constant time.
+    /// Compares two tokens in constant time.
     #[must_use]
     pub fn is(&self, other: &Self) -> bool {
         let hash = |token: &Self| blake3::hash(token.token.as_bytes());
@@ -95,12 +95,12 @@ pub enum Admission {
 /// Requests to become a side of a session; returns the side's supervision and lifeline.
 ///
 /// # Errors
-/// If the request is refused or the session cannot be reached, with the reason.
+/// If the request is refused or the session cannot be reached; the error states the reason.
 pub fn enter(session: &SessionInfo, side: Side) -> Result<(Supervision, Leash), String> {
     let (name, role) = (&session.name, side.name());
     let no_place = |error: &dyn std::fmt::Display| {
         format!(
-            "session `{name}` expects no manually started {role} ({error}); `hil run --{role} external` does"
+            "session `{name}` expects no manually started {role} ({error}); start the run with `hil run --{role} external`"
         )
     };
     let token = session.read_file(&token_file(side));
@@ -137,7 +137,7 @@ pub struct Leash {
 }
 
 impl Leash {
-    /// Sends the side's exit code: `hil` is not its parent and cannot get it from the system.
+    /// Sends the side's exit code: `hil` is not its parent and cannot obtain the code from the system.
     pub fn ends(mut self, code: u8) {
         self.say(code);
     }
@@ -155,7 +155,7 @@ impl Drop for Leash {
     }
 }
 
-/// Reads the exit code that an ended side sent; `None` if it sent none.
+/// Reads the exit code that an ended side sent; `None` if it sent no code.
 #[must_use]
 pub fn last_word(stream: &UnixStream) -> Option<u8> {
     let mut line = String::new();

@@ -1,9 +1,9 @@
-//! Private folders for unpacked files, removed with their process however it ends.
+//! Private folders for unpacked files, removed with their process however the process ends.
 //!
-//! Not in a session's folder: shared memory is often mounted such that libraries in it cannot be loaded, as in most
-//! containers. A private folder has mode 0700 and lies among the temporary files, beside a lock that the kernel
-//! releases with the process. Its owner removes it; a folder whose lock is free is dead and is removed by the next
-//! sweep, which each `hil` and each creator of a private folder performs.
+//! They are not in a session's folder, because shared memory is often mounted such that libraries in it cannot be
+//! loaded, as in most containers. A private folder has mode 0700 and lies among the temporary files, next to a lock
+//! that the kernel releases with the process. Its owner removes the folder; a folder whose lock is free is dead and is
+//! removed by the next sweep, which each `hil` and each creator of a private folder performs.
 
 use std::fs::{self, DirBuilder, File};
 use std::io::{self, ErrorKind};
@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 
 use rustix::fs::{FlockOperation, OFlags, flock};
 
-/// Extension of the lock file beside a folder.
+/// Extension of the lock file next to a folder.
 const LOCK: &str = "lock";
 /// Attempts to create a folder that no sweep mistakes for a dead one. Each of thousands of simultaneously starting and
-/// ending processes may spoil one.
+/// ending processes may thwart one attempt.
 const ATTEMPTS: u32 = 4096;
 
-/// Private folder of this process. Dropping it removes it with its contents.
+/// Private folder of this process, which is removed with its contents when this value is dropped.
 #[derive(Debug)]
 pub struct PrivateFolder {
     folder: PathBuf,
@@ -27,7 +27,7 @@ pub struct PrivateFolder {
 }
 
 impl PrivateFolder {
-    /// Creates a folder whose name has this prefix, after sweeping away dead ones.
+    /// Creates a folder whose name has this prefix, after sweeping away dead folders.
     ///
     /// # Errors
     /// If the common parent folder is not exclusively this user's, or cannot be written.
@@ -64,7 +64,7 @@ impl PrivateFolder {
             });
         }
         Err(io::Error::other(format!(
-            "no place is free in {}",
+            "no free name for a folder in {}; try again",
             all.display()
         )))
     }
@@ -106,7 +106,7 @@ fn sweep_in(all: &Path) {
     let _ = fs::remove_dir(all); // only if it is empty
 }
 
-/// Removes a private folder, its lock last: while the lock exists, a sweep finds the rest.
+/// Removes a private folder and finally its lock: while the lock exists, a sweep finds the rest.
 fn remove(folder: &Path) {
     match fs::remove_dir_all(folder) {
         Err(error) if error.kind() != ErrorKind::NotFound => return,
@@ -124,7 +124,7 @@ fn all_folders() -> PathBuf {
     std::env::temp_dir().join(format!("hil-{uid}"))
 }
 
-/// Opens a file for reading without blocking: a pipe of that name may have no writer.
+/// Opens a file for reading without blocking: a named pipe may have no writer.
 pub(crate) fn open_at_once(path: &Path) -> io::Result<File> {
     let flags = OFlags::NONBLOCK.bits().cast_signed();
     File::options().read(true).custom_flags(flags).open(path)
@@ -138,8 +138,8 @@ pub(crate) fn private_file(path: &Path) -> io::Result<File> {
     options.open(path)
 }
 
-/// Creates the parent folder of all private folders unless it exists. Returns `false` if another process, after
-/// removing the last private folder, removed the parent at the same moment.
+/// Creates the parent folder of all private folders unless it exists. Returns `false` if another process removed the
+/// parent at the same moment, after removing the last private folder.
 fn make_private(path: &Path) -> io::Result<bool> {
     match DirBuilder::new().mode(0o700).create(path) {
         Err(error) if error.kind() != ErrorKind::AlreadyExists => return Err(error),
@@ -156,13 +156,13 @@ fn make_private(path: &Path) -> io::Result<bool> {
     }
 }
 
-/// Returns `true` for a folder of this user that is closed to others; not for a link to one.
+/// Returns `true` for a folder of this user that is closed to others; `false` for a link to such a folder.
 fn is_private(metadata: &fs::Metadata) -> bool {
     let uid = rustix::process::geteuid().as_raw();
     metadata.is_dir() && metadata.uid() == uid && metadata.mode() & 0o077 == 0
 }
 
-/// Returns `true` if an open file is still the one at its path.
+/// Returns `true` if an open file is still the file at its path.
 pub(crate) fn is_at(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::symlink_metadata(path)) {
         (Ok(open), Ok(there)) => (open.dev(), open.ino()) == (there.dev(), there.ino()),

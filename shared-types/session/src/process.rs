@@ -18,11 +18,11 @@ use rustix::process::{
 use rustix::time::Timespec;
 use serde::{Deserialize, Serialize};
 
-/// Environment variable inherited by every descendant of a launched process, used to find them wherever they are.
+/// Environment variable inherited by every descendant of a launched process, by which all of them can be found.
 pub const MARK: &str = "HIL_STARTED_FOR";
-/// Attempts to read the environment of a process that currently has none.
+/// Attempts to read the environment of a process that momentarily has none.
 const LOOKS: u32 = 5;
-/// Time that killed processes may take to disappear.
+/// Time limit for killed processes to disappear.
 const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// Process identity that no later process with the same number shares.
@@ -41,7 +41,7 @@ impl ProcessId {
         Self::found(pid).map(|(id, _)| id)
     }
 
-    /// Returns the process with this number and its state letter, if it exists and has not ended.
+    /// Returns the process with this number and its state letter, if the process exists and has not ended.
     fn found(pid: u32) -> Option<(Self, char)> {
         let stat = fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
         // The second field, the name, may contain anything; the third begins after the last `)`.
@@ -75,7 +75,7 @@ impl ProcessId {
         Self::of(self.pid) == Some(self)
     }
 
-    /// Returns `true` if another process is this one or belongs to its process group, like one started by a launched
+    /// Returns `true` if another process is this one or belongs to its process group, for example a child of a launched
     /// script.
     #[must_use]
     pub fn leads(self, other: u32) -> bool {
@@ -92,7 +92,7 @@ impl ProcessId {
         Some(name.trim_end().escape_debug().to_string())
     }
 
-    /// Kills the rest of its process group, which it must have led.
+    /// Kills the rest of its process group, which the process must have led.
     pub fn kill_group(self) {
         // A later process of this number may lead a group of its own, but not while the old group has a member.
         let later = Self::of(self.pid).is_some_and(|process| process != self);
@@ -113,7 +113,7 @@ impl ProcessId {
     }
 }
 
-/// Handle for awaiting the end of a process. Does not reap it.
+/// Handle for awaiting the end of a process without reaping it.
 #[derive(Debug)]
 pub struct Ending(OwnedFd);
 
@@ -126,7 +126,7 @@ impl Ending {
         id.is_alive().then_some(Self(descriptor))
     }
 
-    /// Waits until one of these processes has ended, up to the limit; returns `true` if one has.
+    /// Waits until one of these processes has ended, or until the limit; returns `true` if one has ended.
     pub fn wait_for_any<'a>(endings: impl IntoIterator<Item = &'a Self>, limit: Duration) -> bool {
         let mut ends: Vec<PollFd<'_>> = (endings.into_iter())
             .map(|Self(descriptor)| PollFd::new(descriptor, PollFlags::IN))
@@ -137,14 +137,14 @@ impl Ending {
     }
 }
 
-/// Kills a child that was started as its own group, with all its descendants in it.
+/// Kills a child that was started as the leader of its own group, with all its descendants in that group.
 pub fn end_group(child: &Child) {
     // The group may be empty.
     let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
 }
 
-/// Returns the status of a child that has ended. The rest of its group is killed before the child is reaped, as its
-/// number may be reused from then on.
+/// Returns the status of a child that has ended. The rest of its group is killed before the child is reaped, because
+/// its number may be reused afterwards.
 ///
 /// # Errors
 /// If there is no such child.
@@ -213,7 +213,8 @@ fn has_in_environment(pid: u32, line: &[u8]) -> bool {
     environment.split(|byte| *byte == 0).any(|one| one == line)
 }
 
-/// Returns `true` if a process without an environment may still get one: it is no kernel thread, and has not ended.
+/// Returns `true` if a process without an environment may still get one: a process that has not ended and is no kernel
+/// thread.
 fn becomes_another(pid: u32) -> bool {
     let is_program = fs::read_link(format!("/proc/{pid}/exe")).is_ok();
     is_program && ProcessId::of(pid).is_some()

@@ -1,7 +1,7 @@
 //! Command line of a plant or controller process: arguments, exit codes and errors, common to both.
 //!
-//! Wrapped by `plant_process::program::run` and `controller_process::program::run`; a binary's `main` is a single call
-//! of one of them.
+//! Called by `plant_process::program::run` and `controller_process::program::run`; a binary's `main` is a single call
+//! of one of these.
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Write};
@@ -31,7 +31,7 @@ pub const PLANT_JOB: &str = "plant.json";
 /// Name of a controller's job in the session's folder.
 pub const CONTROLLER_JOB: &str = "controller.json";
 
-/// Stack size of a program's work in bytes: the usual size of a main thread.
+/// Stack size of the thread that does a program's work, in bytes: the usual size of a main thread.
 const STACK: usize = 8 << 20;
 
 /// Exit code of a completed run.
@@ -84,7 +84,7 @@ struct Arguments {
 
 /// Runs a program's work on a thread with its own stack if the main thread's stack is smaller, as after `ulimit -s 64`;
 /// otherwise on the calling thread. A panic is propagated to the caller. Signals reach the work as if it ran on the
-/// first thread, which blocks them all meanwhile: no other thread takes those that the work blocks or reads.
+/// main thread, which blocks all signals meanwhile: no other thread receives signals that the work blocks or reads.
 pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     let limit = getrlimit(Resource::Stack).current;
     if limit.is_none_or(|bytes| bytes >= STACK as u64) {
@@ -117,13 +117,13 @@ pub fn with_stack<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     result
 }
 
-/// Runs the program as its command-line arguments demand.
+/// Runs the program as its command-line arguments request.
 #[must_use]
 pub fn run(program: &(impl Program + Sync)) -> ExitCode {
     ExitCode::from(with_stack(|| answer(program, std::env::args_os())))
 }
 
-/// Runs the program with these arguments, the first being its own path, and returns the exit code.
+/// Runs the program with these arguments, of which the first is its own path, and returns the exit code.
 pub fn answer(program: &impl Program, arguments: impl IntoIterator<Item = OsString>) -> u8 {
     let arguments = Arguments::parse_from(arguments);
     let (result, otherwise) = if let Some(path) = arguments.check {
@@ -158,7 +158,7 @@ fn serve(program: &impl Program, folder: &Path) -> Result<u8, String> {
     program.serve(&session, &supervision)
 }
 
-/// Serves a manually started side; the error means that it was not admitted.
+/// Serves a manually started side; an error means that the side was not admitted.
 fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
     let session = SessionInfo::read(folder).map_err(|e| e.to_string())?;
     let side = program.side();
@@ -174,14 +174,14 @@ fn serve_by_hand(program: &impl Program, folder: &Path) -> Result<u8, String> {
     Ok(code)
 }
 
-/// Line on standard output by which a host of foreign code says that a check was done to its end: such code may end the
-/// process before, with the exit code of a success.
+/// Line on standard output by which a host of foreign code states that a check was completed: without it, foreign code
+/// could end the process early with the exit code of a success.
 pub const CHECKED: &str = "checked";
 
-/// Bytes of the file in which a host of foreign code has the name of the call that is going on: the length of a name and
-/// the name, twice, first the part that changes and then the one that all calls have in front.
+/// Size in bytes of the file in which a host of foreign code stores the name of the current call. The file contains two
+/// names with their lengths: first the changing part, then the prefix that all calls share.
 pub const CALL_BYTES: usize = 2 * CALL_NAME_BYTES;
-/// Bytes of one of these names, with its length.
+/// Size in bytes of one of these names, including its length.
 pub const CALL_NAME_BYTES: usize = 64;
 
 /// Returns the path of the file with a process's current call, in a session's folder.
@@ -190,7 +190,7 @@ pub fn call_file(folder: &Path, process: u32) -> PathBuf {
     folder.join(format!("call-{process}"))
 }
 
-/// The call of foreign code in which a process ended, if it was in one.
+/// Returns the call of foreign code during which a process ended, if any.
 #[must_use]
 pub fn last_call(folder: &Path, process: u32) -> Option<String> {
     let bytes = std::fs::read(call_file(folder, process)).ok()?;
@@ -203,8 +203,8 @@ pub fn last_call(folder: &Path, process: u32) -> Option<String> {
     (!call.is_empty()).then(|| format!("{family}{call}"))
 }
 
-/// Writes a line to standard error, which goes to the run's log. A failing log, for example on a full disk, must not
-/// change how the process ends.
+/// Writes a line to standard error, which goes to the run's log. A failure of the log, for example on a full disk, must
+/// not change how the process ends.
 pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
@@ -212,7 +212,7 @@ pub fn say(line: &str) {
 /// Reads a job file.
 ///
 /// # Errors
-/// If it is missing or not a job.
+/// If the file is missing or is not a job.
 pub fn read_job<J: serde::de::DeserializeOwned>(path: &Path) -> Result<J, String> {
     let failed = |e: &dyn std::fmt::Display| format!("{}: {e}", path.display());
     let text = std::fs::read_to_string(path).map_err(|e| failed(&e))?;
@@ -222,13 +222,13 @@ pub fn read_job<J: serde::de::DeserializeOwned>(path: &Path) -> Result<J, String
 /// Checks the launcher's protocol version.
 ///
 /// # Errors
-/// If it differs, with both versions.
+/// If the version differs; the error states both versions.
 pub fn check_protocol(theirs: u32) -> Result<(), String> {
     if theirs == PROTOCOL {
         Ok(())
     } else {
         Err(format!(
-            "the launcher speaks protocol {theirs}, this binary {PROTOCOL}; build both from one version"
+            "the launcher speaks protocol {theirs}, but this binary speaks {PROTOCOL}; build both from one version"
         ))
     }
 }
@@ -237,7 +237,7 @@ pub fn check_protocol(theirs: u32) -> Result<(), String> {
 /// the controller's place.
 ///
 /// # Errors
-/// The reason why the link is not available within the limit.
+/// The reason why the link was not available within the limit.
 pub fn attach(
     session: &SessionInfo,
     epoch: u32,

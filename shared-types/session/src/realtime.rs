@@ -1,8 +1,8 @@
 //! Real-time settings of a loop: requested and granted.
 //!
 //! Each process applies its own settings to the thread that runs its loop, just before the loop, when its other threads
-//! already exist: those keep ordinary scheduling on any core. Nothing here ends a run: refusals are listed in a
-//! [`Report`], which the launcher displays. Granted values were read back from the system.
+//! already exist: those keep ordinary scheduling on any core. A refused setting does not end a run: refusals are listed
+//! in a [`Report`], which the launcher displays. Granted values are read back from the system.
 
 mod memory;
 mod scheduling;
@@ -16,7 +16,7 @@ use shared_types::wait::{WaitLimit, WaitStrategy};
 
 /// Applies all settings to the calling thread and its process, and reads the result back.
 ///
-/// 1. Timers become exact: a nap lasts as long as requested.
+/// 1. Timers become exact: a short sleep lasts as long as requested.
 /// 2. The thread moves to its core.
 /// 3. Memory is locked and faulted in, which takes a while, still with ordinary scheduling.
 /// 4. The priority comes last.
@@ -64,8 +64,8 @@ pub fn apply(settings: &Settings) -> Report {
     }
 }
 
-/// Counts the cores that both sides may use together. A side without a core of its own has those that this process
-/// had `before`, as both were started in the same way.
+/// Counts the cores that both sides may use together. A side without a core of its own may use the cores that this
+/// process had `before`, because both were started in the same way.
 fn cores(settings: &Settings, before: Option<&CpuSet>, core: Option<u32>) -> usize {
     let free = |set: &CpuSet| {
         (0..CpuSet::MAX_CPU)
@@ -81,7 +81,7 @@ fn cores(settings: &Settings, before: Option<&CpuSet>, core: Option<u32>) -> usi
     cores.len()
 }
 
-/// Returns a waiter of the strategy that was granted.
+/// Returns a waiter with the granted strategy.
 #[must_use]
 pub fn waiter(report: &Report, limit: WaitLimit) -> Waiter {
     let waiter = Waiter::with(limit, report.wait.granted, report.shares_core);

@@ -44,7 +44,7 @@ pub struct SessionInfo {
     pub prefix: String,
     /// Process that owns the session.
     pub owner: ProcessId,
-    /// Guard process; the owner ends when it dies.
+    /// Guard process; the owner ends when the guard dies.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub guard: Option<ProcessId>,
     /// Processes started by the owner.
@@ -93,7 +93,9 @@ pub enum SessionError {
     #[error("{0} is not your private folder; remove it or have it removed")]
     NotPrivate(PathBuf),
     /// Lock over all sessions that another `hil` holds for too long.
-    #[error("{0} is locked for more than 10 s; is a stopped `hil` holding it?")]
+    #[error(
+        "{0} has been locked for more than 10 s; if a stopped `hil` holds the lock, resume or end it"
+    )]
     Locked(PathBuf),
     /// Refusal by the operating system.
     #[error("cannot {action} {}: {error}", path.display())]
@@ -122,7 +124,7 @@ impl SessionInfo {
     /// Reads the `session.json` of a session's folder.
     ///
     /// # Errors
-    /// If it is missing or belongs to another folder.
+    /// If the file is missing or belongs to another folder.
     pub fn read(folder: &Path) -> Result<Self, SessionError> {
         let path = folder.join("session.json");
         let info: Self = read_json(&path)?;
@@ -138,7 +140,7 @@ impl SessionInfo {
     /// Reads a JSON file of the session.
     ///
     /// # Errors
-    /// If it is missing or malformed.
+    /// If the file is missing or malformed.
     pub fn read_file<T: DeserializeOwned>(&self, name: &str) -> Result<T, SessionError> {
         read_json(&self.folder.join(name))
     }
@@ -146,7 +148,7 @@ impl SessionInfo {
     /// Writes a JSON file of the session; it appears atomically.
     ///
     /// # Errors
-    /// If the output cannot be written.
+    /// If the file cannot be written.
     pub fn write_file<T: Serialize>(&self, name: &str, content: &T) -> Result<(), SessionError> {
         let path = self.folder.join(name);
         let part = self.folder.join(format!("{name}.part"));
@@ -174,15 +176,15 @@ impl SessionInfo {
         Ok(config)
     }
 
-    /// Lists the session's files in shared memory, beside its folder. Files of other users with such a name are left
+    /// Lists the session's files in shared memory outside its folder. Files of other users with such a name are left
     /// out.
     #[must_use]
     pub fn segments(&self) -> Vec<PathBuf> {
         segments_of(&self.prefix)
     }
 
-    /// Removes empty segments once the sides are dead: their maker died before setting a size, and iceoryx2 0.10 would
-    /// wait for that size without a limit when opening the service.
+    /// Removes empty segments once the sides are dead: a side that dies before setting a segment's size leaves it
+    /// empty, and iceoryx2 0.10 would wait for the size without a limit when opening the service.
     pub fn remove_unfinished(&self) {
         for path in self.segments() {
             if fs::symlink_metadata(&path)
@@ -195,8 +197,8 @@ impl SessionInfo {
 
     /// Closes files and folders of the session that other users could access; iceoryx2 leaves some open.
     ///
-    /// No other mode may be changed: iceoryx2 marks a file under construction by the mode 0200, and a process that
-    /// opened it too early would read missing data.
+    /// No other mode may be changed: iceoryx2 marks a file under construction with mode 0200, and a process that opens
+    /// the file too early would read missing data.
     pub fn tighten(&self) {
         for path in self.open_to_others() {
             // The file may have been removed meanwhile.
@@ -240,7 +242,7 @@ impl SessionInfo {
         Self::read(&self.folder).is_ok_and(|info| info.id == self.id)
     }
 
-    /// Removes files that an observer left after the owner had removed everything.
+    /// Removes files that an observer left after the owner removed everything.
     pub fn clear_after(&self) {
         if !self.has_folder() {
             for segment in self.segments() {
@@ -257,8 +259,7 @@ impl SessionInfo {
     }
 }
 
-/// Returns `true` if the session's lock is held or cannot be checked: a session that is not certainly dead is left
-/// alone.
+/// Returns `true` if the session's lock is held or cannot be checked: a session that may still be alive is left alone.
 fn is_live(folder: &Path) -> bool {
     match open_at_once(&folder.join("lock")) {
         Ok(lock) => flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err(),
@@ -295,18 +296,18 @@ fn private_folder(path: &Path) -> io::Result<()> {
     DirBuilder::new().mode(0o700).create(path)
 }
 
-/// Session owned by this process. Dropping it removes all of it.
+/// Session owned by this process. Dropping the value removes the whole session.
 #[derive(Debug)]
 pub struct Session {
     info: SessionInfo,
-    /// `true` if processes share memory in it.
+    /// `true` if processes share memory in the session.
     is_shared: bool,
     // Held, never read: the kernel releases it with the process.
     _lock: File,
 }
 
 impl Session {
-    /// Creates a session, after sweeping away dead ones. Without a name it gets a random one.
+    /// Creates a session, after sweeping away dead ones. An unnamed session gets a random name.
     ///
     /// # Errors
     /// If the name is taken or invalid, or shared memory cannot be used.
@@ -410,7 +411,7 @@ impl Session {
 }
 
 impl SessionInfo {
-    /// Fills the new folder; the lock is created first, so that no sweep takes the folder for dead.
+    /// Fills the new folder, beginning with the lock, so that no sweep takes the folder for dead.
     fn make(&self) -> Result<File, SessionError> {
         let path = self.folder.join("lock");
         let lock = private_file(&path).map_err(SessionError::io("create", &path))?;
@@ -422,7 +423,7 @@ impl SessionInfo {
         Ok(lock)
     }
 
-    /// Creates what iceoryx2 needs, after `session.json`, from which a sweep learns of it.
+    /// Creates the files that iceoryx2 needs, after `session.json`, from which a sweep learns of them.
     fn make_links(&self) -> Result<(), SessionError> {
         let root = self.folder.join("i");
         private_folder(&root).map_err(SessionError::io("create", &root))?;

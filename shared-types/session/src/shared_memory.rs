@@ -10,9 +10,9 @@ use rustix::process::{Resource, getrlimit};
 
 /// Folder of shared memory.
 pub const FOLDER: &str = "/dev/shm";
-/// Least free room: the segments of a run take a few MiB.
+/// Minimum free space: the segments of a run take a few MiB.
 const LEAST_BYTES: u64 = 8 << 20;
-/// Files, folders and sockets of a run: 70 in all were too few, 90 enough; each handover takes some more.
+/// Files, folders and sockets of a run: 70 were too few in tests, 90 enough; each handover takes some more.
 pub const LEAST_INODES: u64 = 128;
 /// Maximum number of bytes that a process of a run maps at once.
 const LEAST_ADDRESSES: u64 = 128 << 20;
@@ -22,11 +22,11 @@ const LEAST_FILES: u64 = 16;
 /// File system of shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SharedMemory {
-    /// `true` if it is mounted read-only.
+    /// `true` if the file system is mounted read-only.
     pub is_read_only: bool,
     /// `true` if this process may create files there.
     pub is_open: bool,
-    /// Free room, in bytes.
+    /// Free space, in bytes.
     pub free_bytes: u64,
     /// Number of files that can still be created; `None` if unlimited.
     pub free_inodes: Option<u64>,
@@ -47,10 +47,10 @@ impl SharedMemory {
         })
     }
 
-    /// Returns the obstacle in shared memory and its remedy; `None` if a run has what it needs.
+    /// Returns the obstacle in shared memory and its remedy; `None` if a run has enough of everything.
     #[must_use]
     pub fn hindrance(&self) -> Option<String> {
-        const CLEAN: &str = "`hil sessions --clean` removes what dead sessions left";
+        const CLEAN: &str = "`hil sessions --clean` removes the remains of dead sessions";
         let mib = self.free_bytes >> 20;
         if self.is_read_only {
             return Some(format!(
@@ -69,7 +69,7 @@ impl SharedMemory {
         }
         (self.free_bytes < LEAST_BYTES).then(|| {
             format!(
-                "{FOLDER} has only {mib} MiB free, and a run needs {} at least: {CLEAN}, `sudo mount -o remount,size=256m {FOLDER}` makes it larger",
+                "{FOLDER} has only {mib} MiB free, and a run needs at least {}: {CLEAN}, `sudo mount -o remount,size=256m {FOLDER}` makes it larger",
                 LEAST_BYTES >> 20
             )
         })
@@ -94,7 +94,7 @@ fn limit() -> Option<String> {
     let addresses = limit_of(Resource::As, addresses()).filter(|l| is_near(*l, LEAST_ADDRESSES));
     if let Some((most, used)) = addresses {
         return Some(format!(
-            "a process may have {} MiB of address space and this one has {} already: `ulimit -v unlimited`",
+            "the address space of a process is limited to {} MiB, and this process already uses {}: `ulimit -v unlimited`",
             most >> 20,
             used >> 20
         ));
@@ -103,12 +103,12 @@ fn limit() -> Option<String> {
     let files = limit_of(Resource::Nofile, open).filter(|l| is_near(*l, LEAST_FILES));
     if let Some((most, used)) = files {
         return Some(format!(
-            "a process may have {most} files open and this one has {used} already: `ulimit -n 4096`"
+            "the number of open files of a process is limited to {most}, and this process already has {used} open: `ulimit -n 4096`"
         ));
     }
     let (most, _) = limit_of(Resource::Fsize, 0).filter(|l| is_near(*l, LEAST_BYTES))?;
     Some(format!(
-        "a file may have at most {most} bytes: `ulimit -f unlimited`"
+        "the size of a file is limited to {most} bytes: `ulimit -f unlimited`"
     ))
 }
 

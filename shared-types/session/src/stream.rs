@@ -1,7 +1,7 @@
 //! The record stream over iceoryx2 publish-subscribe.
 //!
-//! Overflow is on: a publisher never waits. An observer that returns no credit loses the oldest items and sees the gap
-//! in the sequence numbers.
+//! Overflow is enabled: a publisher never waits. An observer that returns no credit loses the oldest items and sees the
+//! gap in the sequence numbers.
 
 use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::Subscriber;
@@ -22,18 +22,19 @@ const RECORDS: &str = "records";
 const CREDIT: &str = "credit";
 /// File in the session's folder with the record layout for observers.
 pub const LAYOUT_FILE: &str = "layout.json";
-/// Queue capacity of an observer in items; large enough for its stalls, small enough for its pages to stay in cache.
+/// Queue capacity of an observer in items; large enough to bridge its stalls, small enough for its pages to stay in
+/// cache.
 pub const BUFFER: usize = 8192;
 /// Queue capacity of a mere watcher: as many pages as a recorder touches anyway.
 const WATCHERS_BUFFER: usize = BUFFER / 4;
 /// Maximum number of observers of one session.
 const OBSERVERS: usize = 4;
-/// Maximum number of mere watchers among them.
+/// Maximum number of mere watchers among the observers.
 pub const WATCHERS: usize = OBSERVERS - 1;
-/// Number of possibly pending items from which the credit is checked.
+/// Number of possibly pending items at which checking the credit begins.
 const LOOK_AT: u64 = BUFFER as u64 / 4;
-/// Number of free places below which the loop is held back: an event may take thousands, like that of a fault with a
-/// long table.
+/// Number of free places below which the loop is held back: an event may take thousands, for example that of a fault
+/// with a long table.
 const RESERVE: u64 = BUFFER as u64 / 4;
 
 /// Header of an item.
@@ -221,8 +222,8 @@ pub struct IceoryxSource {
 }
 
 impl IceoryxSource {
-    /// Attaches to the stream. The observer that `gives_credit` is the recorder and can hold the plant back; all others
-    /// only watch.
+    /// Attaches to the stream. The observer that `gives_credit` is the recorder and can hold the plant back; all other
+    /// observers only watch.
     ///
     /// # Errors
     /// [`LinkError::Absent`] while the plant has not created the stream.
@@ -236,11 +237,12 @@ impl IceoryxSource {
         })
     }
 
-    /// Attaches a watcher beside the recorder. A watcher that is too slow loses items without affecting the plant.
+    /// Attaches a watcher in addition to the recorder. A watcher that is too slow loses items without affecting the
+    /// plant.
     ///
     /// # Errors
-    /// [`LinkError::Absent`] while there is no recorder: its place must stay free for it.
-    /// [`LinkError::Taken`] if [`WATCHERS`] others watch.
+    /// [`LinkError::Absent`] while there is no recorder: its place must stay free.
+    /// [`LinkError::Taken`] if [`WATCHERS`] others already watch.
     pub fn watch(session: &SessionInfo) -> Result<Self, LinkError> {
         let node = node(session, "watcher")?;
         let recorders = credit(&node, false)?

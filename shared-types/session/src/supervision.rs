@@ -1,9 +1,10 @@
 //! Messages from `hil` to a process of a session that it started: stop, the peer is gone, another controller follows,
 //! another job is ready, or no more messages.
 //!
-//! Words arrive as lines on standard input, or on the leash of a side that was [started manually](crate::manual_start); its end means that `hil` is gone and nobody will clean
-//! up, so the process ends too: in order if it can, else by SIGKILL. Any program that speaks the protocol may ignore
-//! the lines, but should end with its input.
+//! Messages arrive as lines on standard input, or through the lifeline of a side that was [started
+//! manually](crate::manual_start). The end of the input means that `hil` is gone and nobody will clean up, so the
+//! process ends too: in order if it can, otherwise by SIGKILL. Any program that speaks the protocol may ignore the
+//! lines, but should end with its input.
 
 use std::io::{BufRead, BufReader};
 use std::os::fd::AsFd;
@@ -19,18 +20,18 @@ use crate::link::bell::Bell;
 
 /// Line that requests the end of the run.
 pub const STOP: &str = "stop";
-/// Line that reports the end of the peer's process; for a plant followed by the epoch of that controller.
+/// Line that reports the end of the peer's process, followed by the controller's epoch if sent to a plant.
 pub const PEER_GONE: &str = "peer-gone";
 /// Line that announces another controller to a plant, followed by its epoch.
 pub const EXPECT: &str = "expect";
 /// Line that announces the next job, in the session's folder, to a persistent process.
 pub const NEXT: &str = "next";
 
-/// Time in which a process without its `hil` may end in order. Longer than a bridge waits for its target.
+/// Grace period in which a process without its `hil` may end in order. Longer than a bridge waits for its target.
 const GRACE: Duration = Duration::from_secs(4);
 
-/// Ends this process by SIGKILL after a grace period: an orderly end can be blocked for ever, by a thread that waits
-/// for another, by exit handlers, or by a panic that holds a lock.
+/// Ends this process by SIGKILL after a grace period: an orderly end can be blocked for ever by a thread that waits for
+/// another thread, by exit handlers, or by a panic that holds a lock.
 fn end_after_grace() {
     std::thread::sleep(GRACE);
     let _ = kill_process(getpid(), Signal::KILL); // cannot fail for its own process
@@ -88,7 +89,7 @@ pub struct Supervision(Arc<State>);
 #[derive(Debug, Default)]
 struct State {
     stop: AtomicBool,
-    /// Bits of the epochs whose controller is gone; the first bit is for the other side of any epoch.
+    /// Bits of the epochs whose controller is gone; the first bit stands for the other side in any epoch.
     gone: AtomicU64,
     /// Latest epoch whose controller was announced; 0 for none.
     expected: AtomicU32,
@@ -97,7 +98,7 @@ struct State {
     jobs: Mutex<u64>,
     /// Wakes a process that waits for a job or the end.
     news: Condvar,
-    /// Bell that the loop sleeps on.
+    /// Bell on which the loop sleeps.
     bell: OnceLock<Bell>,
 }
 
@@ -114,7 +115,7 @@ impl Supervision {
         Self::from_words(BufReader::new(std::io::stdin()))
     }
 
-    /// Listens to lines on its own thread until their end, which ends the process: by SIGKILL after a grace period.
+    /// Listens to lines on its own thread. The end of the lines ends the process, by SIGKILL after a grace period.
     #[must_use]
     pub fn from_words(words: impl BufRead + Send + 'static) -> Self {
         let supervision = Self::new();
@@ -179,7 +180,7 @@ impl Supervision {
         self.0.jobs.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Records that the other side is gone: the controller of this epoch, or, for 0, the other side of any epoch.
+    /// Records that the other side is gone: the controller of this epoch or, for 0, the other side in any epoch.
     pub fn peer_gone(&self, epoch: u32) {
         self.0.gone.fetch_or(bit(epoch), Ordering::Release);
         self.ring();

@@ -1,8 +1,7 @@
-//! Looks at the calling thread, and when to take one.
+//! Statistics of the calling thread, and the decision when to sample them.
 //!
-//! The engine and the runner watch their own threads. These are system calls, so they are made after
-//! a step that took far longer than the others, to tell why, and now and then to have something to
-//! compare with.
+//! The engine and the runner watch their own threads. Sampling needs system calls, so it happens only after a step that
+//! took far longer than the others, to explain the delay, and occasionally to provide a basis for comparison.
 
 use nix::sys::resource::{UsageWho, getrusage};
 use rustix::thread::sched_getcpu;

@@ -1,4 +1,4 @@
-//! Waiting for the other side: fast when it is quick, gentle on the machine when it is not, and always bounded.
+//! Waiting for the other side: fast if the answer comes soon, gentle on the machine if it does not, and always bounded.
 //!
 //! | strategy | at first | then |
 //! |---|---|---|
@@ -7,23 +7,24 @@
 //! | `yield` | yield | the same, and sleep after 20 ms |
 //! | `sleep` | sleep | the same |
 //!
-//! A sleeping side is woken by the other side's next send ([`Sleeper`]); where nothing can wake it, it naps.
+//! A sleeping side is woken by the other side's next send ([`Sleeper`]); where nothing can wake it, the side polls with
+//! short sleeps.
 //!
 //! A hybrid wait learns three things from previous waits:
 //!
 //! - **Contention for the core.** A yielded core comes back within microseconds if only the other side took it, and
-//!   after milliseconds if a third program did. If such returns take more than two fifths of the time, the side stops
-//!   yielding for a while: a sleeper that is woken takes precedence over programs that compute. If both sides share one
-//!   core, few quick returns may lie between them: programs of another session take their share there in any case. A
-//!   timed wait that ended late indicates the same, and is then slept through to its end. Where a sleep costs little,
-//!   one lost time slice can be enough.
-//! - **Expected duration.** A loop with real-time priority that can be woken sleeps for as long as nothing is expected.
-//! - **Benefit of polling.** There is none if both sides share one core, as the other side runs only when this one lets
-//!   it. After several consecutive waits that polling did not end, polling is skipped for a while.
+//!   after milliseconds if a third program did. If such slow returns take more than two fifths of the time, the side
+//!   stops yielding for a while: the kernel prefers a woken sleeper to programs that compute. If both sides share one
+//!   core, few quick returns may lie between the slow ones, because programs of another session take their share there
+//!   in any case. A timed wait that ended late also indicates contention, and such waits are then slept through to the
+//!   end. Where a sleep costs little, one lost time slice can be enough.
+//! - **Expected duration.** A loop with real-time priority and a sleeper sleeps for as long as nothing is expected.
+//! - **Benefit of polling.** Polling is useless if both sides share one core, because the other side runs only when
+//!   this one lets it. After several consecutive waits that polling did not end, polling is skipped for a while.
 //!
-//! Without contention it yields before it sleeps, for longer than a wake-up takes: a side that sleeps sooner makes the
-//! other side sleep too, and neither recovers from that. The clock is not read before the polls are over, so a ready
-//! peer costs no system call.
+//! Without contention the side yields before it sleeps, for longer than a wake-up takes: a side that sleeps sooner
+//! makes the other side sleep too, and neither recovers from that. The clock is not read until the polls are over, so
+//! that an immediate answer costs no system call.
 
 use std::time::Duration;
 
@@ -38,26 +39,26 @@ mod habits;
 /// Consecutive polls without reading the clock: some 12 us.
 const SPINS: u32 = 512;
 /// Time for which a hybrid wait yields before it sleeps. Longer than most work of the recorder: a side that sleeps
-/// while the other waits behind the recorder frees a core for it, and both sides then stay on that core.
+/// while the other waits behind the recorder frees a core for the recorder, and both sides then stay on one core.
 const YIELD_NS: u64 = 4_000_000;
 /// Fruitless waiting time after which each strategy sleeps, so that a held run or a process with real-time priority no
 /// longer blocks its core.
 const PATIENCE_NS: u64 = 20_000_000;
-/// Longest sleep between checks of the limit; a frame, a message or a word from `hil` ends it sooner.
+/// Longest sleep between checks of the limit; a frame, a message or a request from `hil` ends the sleep sooner.
 const SLICE_NS: u64 = 100_000_000;
-/// Length of a nap where nothing wakes a sleeper.
+/// Length of a short sleep where nothing wakes a sleeper.
 const NAP_NS: u64 = 100_000;
-/// Length of a nap after `PATIENCE_NS`, by then at most a twentieth of the wait.
+/// Length of such a sleep after `PATIENCE_NS`: by then at most a twentieth of the wait.
 const LONG_NAP_NS: u64 = 1_000_000;
 /// Delay by which a sleep may overshoot on an ordinary machine.
 const LATE_NS: u64 = 300_000;
 
-/// Time before a release at which a side stops sleeping, because wake-ups are this late on an ordinary machine.
+/// Time before a release at which a side stops sleeping, to allow for late wake-ups on an ordinary machine.
 const EARLY_NS: u64 = 200_000;
 /// Time for which a paced side under contention polls for the answer to its frame before it sleeps: each sleep can then
 /// end a time slice too late.
 const ANSWER_NS: u64 = 100_000;
-/// Longest nap before a target time, so that an interruption is noticed soon.
+/// Longest sleep before a target time, so that an interruption is noticed soon.
 const LONGEST_NAP_NS: u64 = 20_000_000;
 
 /// Performs consecutive waits.
@@ -74,12 +75,12 @@ pub struct Waiter {
     length: Option<Length>,
     /// `true` if the previous wait was a timed one.
     follows_time: bool,
-    /// `true` if this thread has priority over all ordinary ones.
+    /// `true` if this thread has priority over all ordinary threads.
     has_priority: bool,
     polls: u32,
-    /// Time at which this wait outlasted its polls; 0 if it did not.
+    /// Time at which this wait outlasted its polls; 0 if the polls sufficed.
     since_ns: u64,
-    /// Time from which the limit counts.
+    /// Start time of the limit.
     limited_ns: u64,
 }
 
@@ -93,15 +94,15 @@ enum Rest {
 }
 
 impl Waiter {
-    /// Creates a hybrid waiter for the cores that this process may run on.
+    /// Creates a hybrid waiter for the cores on which this process may run.
     #[must_use]
     pub fn new(limit: WaitLimit) -> Self {
         let cores = sched_getaffinity(None).map_or(1, |cores: CpuSet| cores.count());
         Self::with(limit, WaitStrategy::Hybrid, cores == 1)
     }
 
-    /// Creates a waiter of this strategy; `shares_core` if the other side may have no other core to run on. It then
-    /// never polls, whatever the strategy: each poll would cost the other side's time.
+    /// Creates a waiter of this strategy; `shares_core` if the other side may have no other core to run on. Such a
+    /// waiter never polls, whatever the strategy: each poll would take time from the other side.
     #[must_use]
     pub const fn with(limit: WaitLimit, strategy: WaitStrategy, shares_core: bool) -> Self {
         let strategy = match strategy {
@@ -125,7 +126,7 @@ impl Waiter {
         }
     }
 
-    /// Assumes several cores, though fewer than loops.
+    /// Assumes several cores, but fewer cores than loops.
     #[must_use]
     pub fn with_several_cores(mut self) -> Self {
         self.company = Company::none(false);
@@ -133,8 +134,8 @@ impl Waiter {
     }
 
     /// Assumes that the waits are those of a loop for the other side, similar from step to step. If a thread that
-    /// `has_priority` never sleeps and others need its core, the kernel stops it for 50 ms of each second; its hybrid
-    /// waits therefore sleep for as long as nothing is expected.
+    /// `has_priority` never sleeps and others need its core, the kernel stops it for 50 ms of each second; hybrid waits
+    /// of such a thread therefore sleep for as long as nothing is expected.
     #[must_use]
     pub fn of_a_loop(mut self, has_priority: bool) -> Self {
         self.length = Some(Length::default());
@@ -142,7 +143,7 @@ impl Waiter {
         self
     }
 
-    /// Sleeps on this sleeper from now on, if any.
+    /// Sleeps on this sleeper from now on, if there is one.
     pub fn sleep_on(&mut self, sleeper: Option<Box<dyn Sleeper>>) {
         self.sleeper = sleeper;
     }
@@ -211,14 +212,14 @@ impl Waiter {
         self.length.as_ref().map_or(0, Length::idle_ns)
     }
 
-    /// Waits a moment before the next poll; returns `true` once the limit is over.
+    /// Waits briefly before the next poll; returns `true` once the limit is reached.
     #[must_use]
     pub fn pause(&mut self) -> bool {
         self.pause_until(u64::MAX)
     }
 
-    /// Waits a moment before the next poll, but never sleeps past a deadline on the monotonic clock; returns `true`
-    /// once the limit is over. The caller checks the deadline.
+    /// Waits briefly before the next poll, but never sleeps past a deadline on the monotonic clock; returns `true` once
+    /// the limit is reached. The caller checks the deadline.
     #[must_use]
     #[inline]
     pub fn pause_until(&mut self, deadline_ns: u64) -> bool {
@@ -324,7 +325,7 @@ impl Waiter {
         }
     }
 
-    /// Sleeps for a moment while waiting for somebody who needs the core more; returns `true` once the limit is over.
+    /// Sleeps briefly to leave the core to others; returns `true` once the limit is reached.
     #[must_use]
     pub fn sleep(&mut self) -> bool {
         let now_ns = monotonic_ns();
@@ -340,9 +341,9 @@ impl Waiter {
         self.limit_ns(now_ns) == 0
     }
 
-    /// Waits for a time on the monotonic clock: naps until close to it, then spins or yields as the strategy demands.
-    /// `interrupted` is checked between naps and ends the wait early. Ends any previous wait, such as one for the
-    /// recorder.
+    /// Waits for a time on the monotonic clock: sleeps until close to that time, then spins or yields as the strategy
+    /// requires. `interrupted` is checked between sleeps and ends the wait early. Ends any previous wait, such as one
+    /// for the recorder.
     pub fn until_ns(&mut self, target_ns: u64, interrupted: impl Fn() -> bool) {
         self.done();
         let mut has_waited = false;

@@ -1,4 +1,4 @@
-//! Properties of links on which the protocol relies, whatever the transport.
+//! Properties of links that the protocol relies on, whatever the transport.
 
 use std::thread::yield_now;
 use std::time::{Duration, Instant};
@@ -19,17 +19,17 @@ mod sleepers;
 /// Function that opens a controller's end on the calling thread.
 pub type Opener<L> = Box<dyn FnOnce() -> L + Send>;
 
-/// Place where both ends of a link connect: a session, an address, two mailboxes.
+/// Meeting point of both ends of a link: a session, an address or two mailboxes.
 pub trait Fixture {
     /// Link under test.
     type Link: Link + 'static;
 
-    /// Time after which a message that has not arrived counts as lost.
+    /// Time after which an undelivered message counts as lost.
     const PATIENCE: Duration = Duration::from_secs(20);
-    /// Longest time that a frame is in transit; silence is checked for this long.
+    /// Longest time that a frame is in transit; tests for silence wait this long.
     const LATENCY: Duration = Duration::ZERO;
 
-    /// Creates the place, which outlives the ends opened in it.
+    /// Creates the meeting point, which outlives the ends opened in it.
     fn new() -> Self;
 
     /// Opens the plant's end, once.
@@ -43,7 +43,7 @@ pub trait Fixture {
         None
     }
 
-    /// Ends a side as if its process had been killed: no message, only what the system cleans up.
+    /// Ends a side as if its process had been killed: no message is sent, and only the system cleans up.
     fn kill(&mut self, end: Self::Link) {
         drop(end);
     }
@@ -55,7 +55,7 @@ pub fn sentences<F: Fixture>() -> Vec<Sentence> {
     crate::conformance!(@link list F)
 }
 
-/// Two connected ends, closed before their place is dropped.
+/// Two connected ends, closed before their meeting point is dropped.
 struct Pair<F: Fixture> {
     plant: F::Link,
     controller: F::Link,

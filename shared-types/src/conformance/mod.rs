@@ -1,9 +1,9 @@
-//! Properties that every link and record stream must have, for authors of further implementations.
+//! Properties that every link and record stream must have, for authors of new implementations.
 //!
 //! A suite is a list of properties, each a function that is generic over a fixture and panics where the property does
 //! not hold. [`conformance!`](crate::conformance!) makes a `#[test]` of each; each runs on its own thread, and a
-//! watchdog names the one that hangs. No run uses this module, and it depends on no implementation. `hil-session` runs
-//! it over both links and both streams, and over broken ones that must not pass.
+//! watchdog names the one that hangs. Runs do not use this module, and the module depends on no implementation.
+//! `hil-session` runs the suite over both links and both streams, and over broken ones that must fail.
 //!
 //! 1. Implement [`Link`](crate::link::Link), or [`RecordSink`](crate::stream::RecordSink) and
 //!    [`RecordSource`](crate::stream::RecordSource).
@@ -41,7 +41,7 @@ impl Sentence {
             check();
         });
         if ended.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
-            return Err(format!("`{name}` hangs: it did not end within {limit:?}"));
+            return Err(format!("`{name}` hangs: no end within {limit:?}"));
         }
         thread.join().map_err(|panic| {
             let text = (panic.downcast_ref::<String>().map(String::as_str))

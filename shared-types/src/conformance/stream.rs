@@ -1,4 +1,4 @@
-//! Properties of record streams on which a recorder relies, which must not lose a record.
+//! Properties of record streams that a recorder relies on to lose no record.
 
 use std::thread::yield_now;
 use std::time::{Duration, Instant};
@@ -8,17 +8,17 @@ use crate::record::{Event, FaultBegun, RecordLayout};
 use crate::stream::{Item, RecordSink, RecordSource};
 use crate::table::Field;
 
-/// Place where a plant's sink and a recorder's source connect.
+/// Meeting point of a plant's sink and a recorder's source.
 pub trait Fixture {
     /// The plant's end.
     type Sink: RecordSink;
     /// The recorder's end.
     type Source: RecordSource;
 
-    /// Time after which a published item that has not arrived counts as lost.
+    /// Time after which an undelivered item counts as lost.
     const PATIENCE: Duration = Duration::from_secs(20);
 
-    /// Creates the place, which outlives the ends opened in it.
+    /// Creates the meeting point, which outlives the ends opened in it.
     fn new() -> Self;
 
     /// Connects the sink of a plant that must deliver every record, and a function that opens the source on any thread.
@@ -129,7 +129,7 @@ pub fn records_and_events_arrive_in_order_and_once<F: Fixture>() {
     assert!(drained::<F>(&mut source, 0).is_empty(), "they came already");
 }
 
-/// A sink reports no room before a record could be lost, and room again once records are drained.
+/// A sink reports that it is full before a record could be lost, and reports room again once records are drained.
 pub fn a_plant_without_credit_waits_and_loses_nothing<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
@@ -152,7 +152,7 @@ pub fn a_plant_without_credit_waits_and_loses_nothing<F: Fixture>() {
     }
 }
 
-/// A plant sees how many records its recorder has drained, or has none to wait for.
+/// A plant sees how many records its recorder has drained, or that it need not wait for one.
 pub fn credit_counts_what_was_taken<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, mut source) = opened(&mut place);
@@ -180,7 +180,7 @@ pub fn credit_counts_what_was_taken<F: Fixture>() {
     }
 }
 
-/// A record is never a mix of two, and none is missing.
+/// A record is never a mix of two records, and no record is missing.
 pub fn records_are_whole_while_both_ends_work<F: Fixture>() {
     const LAST: u64 = 20_000;
     let mut place = F::new();
@@ -224,7 +224,7 @@ pub fn a_dead_plant_is_silent_after_its_last_record<F: Fixture>() {
     assert!(drained::<F>(&mut source, 0).is_empty());
 }
 
-/// A plant treats a vanished recorder as one that drains nothing more, which is no error.
+/// A vanished recorder drains no more records; the plant does not treat this as an error.
 pub fn a_dead_recorder_holds_nobody_up<F: Fixture>() {
     let mut place = F::new();
     let (mut sink, source) = opened(&mut place);

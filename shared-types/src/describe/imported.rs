@@ -14,7 +14,7 @@ pub struct Imported {
     /// Tool that made the model; empty if not stated.
     #[serde(default)]
     pub tool: String,
-    /// Fixed step of its internal solver in s, if stated; a period must be a multiple of it.
+    /// Fixed step of the model's internal solver in s, if stated; every period must be a multiple of it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub internal_step_s: Option<f64>,
     /// Outputs with direct feedthrough from inputs.
@@ -35,15 +35,15 @@ pub struct Imported {
     /// Nonsensical attributes of the model, which are ignored.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// Requirements of its shared library, if it was loaded to find them.
+    /// Requirements of the model's shared library, if the library was loaded to find them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub library: Option<LibraryNeeds>,
 }
 
-/// Requirements of a shared library, and those that this machine does not meet.
+/// Requirements of a shared library, and the ones that this machine does not meet.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct LibraryNeeds {
-    /// Libraries that it links to.
+    /// Libraries that the shared library links to.
     #[serde(default)]
     pub needs: Vec<String>,
     /// Linked libraries that cannot be loaded.
@@ -52,12 +52,12 @@ pub struct LibraryNeeds {
     /// Required symbols that no loaded library defines.
     #[serde(default)]
     pub lacks_symbols: Vec<String>,
-    /// Reason why it cannot be loaded.
+    /// Reason why the shared library cannot be loaded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refusal: Option<String>,
 }
 
-/// Output with direct feedthrough from inputs: it shows the command of the previous step.
+/// Output with direct feedthrough from inputs: its value reflects the command of the previous step.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DirectDependency {
     /// Name of the output.

@@ -1,12 +1,13 @@
 //! Checks of tables known only at run time: the rules that [`table!`](crate::table!) enforces at compile time.
 //!
-//! Used when a plant or law is built from them, before anything is started. A faulty row is refused, never repaired.
+//! Applied when a plant or law is built from such tables, before anything is started. A faulty row is refused, never
+//! repaired.
 
 use super::{Invalid, LawDescription, PlantDescription};
 use crate::table::{Field, rule};
 
 impl PlantDescription {
-    /// Checks a plant with run-time tables: names, units and texts as of any plant, and each row.
+    /// Checks a plant with run-time tables: names, units and texts as for any plant, and each row.
     ///
     /// # Errors
     /// The first violation.
@@ -26,7 +27,7 @@ impl PlantDescription {
 }
 
 impl LawDescription {
-    /// Checks a law with run-time tables: names, units and texts as of any law, and each row.
+    /// Checks a law with run-time tables: names, units and texts as for any law, and each row.
     ///
     /// # Errors
     /// The first violation.

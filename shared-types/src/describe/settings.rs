@@ -12,13 +12,13 @@ use super::Invalid;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ModelSettings {
-    /// Relative tolerance of its solver.
+    /// Relative tolerance of the model's solver.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tolerance: Option<f64>,
-    /// Its time at step 0, in s.
+    /// Model time at step 0, in s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub start_time_s: Option<f64>,
-    /// Last time that will be requested of it, in s.
+    /// Last time that will be requested of the model, in s.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stop_time_s: Option<f64>,
     /// Initial values by name.
@@ -39,7 +39,7 @@ impl ModelSettings {
     /// Parses an argument made by [`argument`](Self::argument).
     ///
     /// # Errors
-    /// If the text is anything else.
+    /// If the text has another form.
     pub fn parse(text: &str) -> Result<Self, Invalid> {
         serde_json::from_str(text).map_err(|error| Invalid(error.to_string()))
     }

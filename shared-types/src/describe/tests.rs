@@ -1,4 +1,4 @@
-//! Descriptions that are refused.
+//! Descriptions that must be refused.
 
 use super::*;
 

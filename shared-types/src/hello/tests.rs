@@ -63,7 +63,10 @@ fn unusable_names_are_refused_on_both_sides() {
     for (names, expected) in [
         (&["a rad"][..], "internal: \"a rad\" is not a name"),
         (&["a_rad", "a_rad"], "internal: `a_rad` is defined twice"),
-        (&many, "internal: there are 600; at most 512 are allowed"),
+        (
+            &many,
+            "internal: there are 600, but at most 512 are allowed",
+        ),
         (&many[..511], "513 signals in one direction"),
     ] {
         let text = answer(&with(names)).unwrap_err().to_string();

@@ -1,7 +1,7 @@
 //! A link within one thread: two mailboxes.
 //!
-//! For runs without a second process (`hil run --link in-process`) and for tests. It carries the same frames as shared
-//! memory, but without the checksum, as nothing here could corrupt them.
+//! Used for runs without a second process (`hil run --link in-process`) and for tests. The link carries the same frames
+//! as shared memory, but without the checksum, because nothing can corrupt them here.
 
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -27,7 +27,7 @@ pub struct InProcessLink {
     outgoing: Rc<RefCell<Mailbox>>,
     incoming: Rc<RefCell<Mailbox>>,
     identity: Option<FrameIdentity>,
-    /// Identity of the frames opened last, while others are in use.
+    /// Identity of the frames opened last, while older ones are still in use.
     next: Option<FrameIdentity>,
     sequence: u64,
     rejected: Ignored,

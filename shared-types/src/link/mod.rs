@@ -28,8 +28,8 @@ pub trait Link {
     /// If the transport failed.
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError>;
 
-    /// Sends a control message to the controller whose frames are in use, even while another one is expected. For the
-    /// plant.
+    /// Sends a control message to the controller whose frames are in use, even while another controller is expected.
+    /// For the plant.
     ///
     /// # Errors
     /// If the transport failed.
@@ -41,14 +41,14 @@ pub trait Link {
     /// If the transport failed.
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError>;
 
-    /// Creates a control channel for the controller of this epoch, replacing the current one. For the plant.
+    /// Creates a control channel for the controller of this epoch, replacing the current channel. For the plant.
     ///
     /// # Errors
     /// If the transport failed.
     fn expect(&mut self, epoch: u32) -> Result<(), LinkError>;
 
-    /// Identifies the peer on the control channel and on the frames opened last: the process launched as the controller,
-    /// or another one. For the plant.
+    /// Identifies the peer on the control channel and on the frames opened last: the process launched as the
+    /// controller, or another process. For the plant.
     ///
     /// # Errors
     /// If the peer cannot be determined.
@@ -61,7 +61,7 @@ pub trait Link {
     /// If the transport failed or the other side opened another layout.
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError>;
 
-    /// Switches to the frame channels that were opened last and drops the others.
+    /// Switches to the frame channels that were opened last and drops the old ones.
     fn take_over(&mut self);
 
     /// Sends a frame; the link fills in session, layout, epoch, sequence and count. Validity bits beyond
@@ -81,14 +81,14 @@ pub trait Link {
     /// Returns the counts of received frames that were rejected.
     fn rejected(&self) -> Ignored;
 
-    /// Returns a sleeper that wakes when the other side sends a frame or a control message; `None` if sending wakes
-    /// nobody, so that waits must nap.
+    /// Returns a sleeper that wakes when the other side sends a frame or a control message; `None` if sends wake
+    /// nobody, so that waits must poll with short sleeps.
     fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
         None
     }
 }
 
-/// Mutable reference to an end, for use by a shorter-lived owner.
+/// Mutable reference to an end, usable by a shorter-lived owner.
 impl<L: Link> Link for &mut L {
     crate::pass_on!(self => **self; send_control tell receive_control expect peer open_frames take_over send receive rejected sleeper);
 }
@@ -126,7 +126,7 @@ pub enum LinkError {
         /// Reason that the transport gave.
         reason: String,
     },
-    /// Service that exists, but not as agreed.
+    /// Service that exists, but with other properties than agreed.
     #[error("{service} does not belong to this session: {reason}")]
     Foreign {
         /// Name of the service.
@@ -134,12 +134,12 @@ pub enum LinkError {
         /// Difference from what was agreed.
         reason: String,
     },
-    /// Place that another process occupies.
+    /// Role that another process already occupies.
     #[error("the session already has its {role} ({service})")]
     Taken {
         /// Name of the service.
         service: String,
-        /// Role of that place.
+        /// Occupied role.
         role: &'static str,
     },
     /// Refusal by the operating system or the transport.

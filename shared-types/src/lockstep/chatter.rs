@@ -1,9 +1,9 @@
-//! Peers that send arbitrary messages for as long as they like: none can keep a run from ending.
+//! Peers that send arbitrary messages for as long as they like, and still cannot keep a run from ending.
 //!
-//! Each machine is driven as in its process. At every poll the other side sends nothing, or anything at all: any frame
-//! of any step within reach, any control message, from the active or the announced controller. A wait ends after a few
-//! polls, and restarts only when the [`Standing`] changes. Every state reachable from the start is visited, and none
-//! may recur: otherwise the other side could lead the run in a circle for ever.
+//! Each machine is driven as in its process. At every poll the other side sends nothing or any message: any frame of
+//! any step within reach, or any control message, from the active or the announced controller. A wait ends after a few
+//! polls, and restarts only when the [`Standing`] changes. Every reachable state is visited, and no state may recur:
+//! otherwise the other side could lead the run in a circle for ever.
 
 use std::collections::HashMap;
 use std::hash::Hash;
@@ -55,7 +55,7 @@ trait Pestered: Clone {
     type Said: Clone + std::fmt::Debug;
     type Key: Eq + Hash;
 
-    /// Complete state that determines its further behaviour.
+    /// Complete state, which determines the side's further behaviour.
     fn key(&self) -> Self::Key;
 
     fn is_over(&self) -> bool;
@@ -69,7 +69,7 @@ trait Pestered: Clone {
 
 /// Visits every reachable state and returns their number. Fails if a state recurs.
 fn explore<S: Pestered>(start: S) -> Result<usize, String> {
-    /// State on the path from the start, with the messages not yet tried in it.
+    /// State on the path from the start, with the messages not yet tried in that state.
     struct Place<S: Pestered> {
         state: S,
         left: Vec<S::Said>,
@@ -138,7 +138,7 @@ struct PesteredPlant {
     side: PlantSide,
     against_clock: bool,
     policy: OnLoss,
-    /// Polls left of the current wait and of the announced controller's wait, and misses left.
+    /// Polls left in the current wait and in the announced controller's wait, and misses left.
     left: u8,
     candidate_left: u8,
     misses_left: u8,
@@ -330,7 +330,7 @@ impl Pestered for PesteredController {
         self.side.is_over()
     }
 
-    /// Everything but a hold: a peer with the right to hold a run may hold it for ever.
+    /// All messages except a hold: a peer with the right to hold a run may hold it for ever.
     fn sayings(&self) -> Vec<Told> {
         let kinds = KINDS.into_iter().filter(|kind| *kind != FrameKind::Hold);
         let of_kind = |kind| (0..=STEPS).map(move |step| Told::Frame(kind, step));

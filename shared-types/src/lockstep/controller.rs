@@ -53,7 +53,7 @@ enum State {
         epoch: u32,
         first: Step,
     },
-    /// Nothing exchanged yet. Steps before the first sample belonged to a previous controller, if there was one.
+    /// Nothing exchanged yet. Steps before the first sample belonged to a previous controller, if any.
     AwaitFirst(Step),
     AwaitSample(Step),
     Over,
@@ -78,7 +78,7 @@ impl State {
 pub struct ControllerSide {
     state: State,
     against_clock: bool,
-    /// `true` if there was a controller before this one.
+    /// `true` if this controller replaces a previous one.
     takes_over: bool,
     ignored: u64,
 }
@@ -270,7 +270,7 @@ impl ControllerSide {
         ControllerAction::Abort(abort)
     }
 
-    /// Complete state that determines further behaviour, for sides that send the same hello.
+    /// Complete state, which determines further behaviour; comparable between sides that send the same hello.
     #[cfg(test)]
     pub(super) fn key(&self) -> [u64; 3] {
         let step = match self.state {

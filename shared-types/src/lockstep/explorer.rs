@@ -1,9 +1,9 @@
 //! Every interleaving of a plant, its controllers and their faults, up to a bound.
 //!
 //! The machines are driven as by the plant's engine and the controller's runner, in a world where frames get lost or
-//! are delivered twice, processes die or are late, and others take over. Every state reachable from the start is
-//! visited once. Each action is checked against the invariants, and at the end every state is checked to have a path to
-//! an end.
+//! are delivered twice, processes die or stall, and other controllers take over. Every state reachable from the start
+//! is visited once. Each action is checked against the invariants, and at the end every state is checked to have a path
+//! to an end.
 
 mod moves;
 mod world;
@@ -15,7 +15,7 @@ use super::*;
 use moves::Move;
 use world::{Key, World};
 
-/// Bound on the number of each fault.
+/// Maximum number of each fault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 struct Bound {
     /// Lost frames.
@@ -41,7 +41,7 @@ struct Explored {
     aborted: usize,
 }
 
-/// States visited so far, and their connections.
+/// States visited so far, and the moves between them.
 struct Graph {
     worlds: Vec<World>,
     numbers: HashMap<Key, usize>,
@@ -144,7 +144,7 @@ fn explore(start: World) -> Result<Explored, String> {
     Ok(graph.explored)
 }
 
-/// Faults of each kind combined, and many of the worst.
+/// Combinations of all kinds of fault, and many instances of the worst kinds.
 const BOUNDS: [Bound; 3] = [
     Bound {
         losses: 1,

@@ -2,21 +2,21 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Policy of the plant when its controller died, stopped answering, aborted or broke the protocol.
+/// Policy of the plant when its controller died, stopped answering, aborted or violated the protocol.
 ///
-/// Before the first step no run can continue: losing the controller then ends it whatever the policy.
+/// Before the first step no run can continue: losing the controller then ends the run under every policy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum OnLoss {
     /// End the run with a reason.
     #[default]
     Abort,
-    /// Continue with the last command, zeros if there was none.
+    /// Continue with the last command, or zeros if there was none.
     Hold,
     /// Continue with the scenario's safe command.
     SafeCommand,
-    /// Wait for another controller: the launcher starts the same binary anew. In real time the run cannot wait and
-    /// continues with the last command until then.
+    /// Wait for another controller: the launcher restarts the same binary. In real time the run cannot wait and
+    /// meanwhile continues with the last command.
     WaitForRestart,
 }
 

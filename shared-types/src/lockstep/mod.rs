@@ -24,8 +24,8 @@
 //! In real time the plant does not wait for a command beyond its deadline: it continues with the newest command it has,
 //! and a late controller receives a later sample.
 //!
-//! A wait restarts when the [`Standing`] of a side changes, not whenever a message arrives: a message without effect is
-//! as good as silence, so no peer can extend a wait beyond its limit.
+//! A wait restarts when the [`Standing`] of a side changes, not whenever a message arrives: a message without effect
+//! counts as silence, so no peer can extend a wait beyond its limit.
 
 mod controller;
 mod loss;
@@ -37,8 +37,8 @@ pub use plant::{PlantAction, PlantEvent, PlantSide};
 
 use crate::time::Step;
 
-/// Progress that a side has made with the other one. If two standings of one side are equal, nothing that arrived in
-/// between advanced the run, whatever the side answered: the second wait is still the first.
+/// Progress that a side has made with the other side. If a side has the same standing at two times, nothing that
+/// arrived in between advanced the run, whatever the side answered: the wait has not restarted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing([u64; 5]);
 
@@ -58,7 +58,7 @@ pub enum AbortCode {
     Diverged = 5,
     /// Command or sample that is not a number.
     NotANumber = 6,
-    /// Recorder of the run is stuck or gone.
+    /// Recorder of the run that is stuck or gone.
     Observer = 7,
     /// Another reason, given in the log of the side that aborted.
     Other = 8,
@@ -138,7 +138,7 @@ pub enum Abort {
         peer: &'static str,
         /// Current step.
         at: Step,
-        /// Reason that the other side gave.
+        /// Reason given by the other side.
         code: AbortCode,
     },
 }

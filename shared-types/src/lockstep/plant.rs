@@ -47,12 +47,12 @@ enum Controller {
     Lost(u32),
 }
 
-/// Controller that is to take over, by its epoch.
+/// Controller that is about to take over, by its epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Candidate {
-    /// Awaiting its hello.
+    /// Waiting for the candidate's hello.
     Announced(u32),
-    /// Awaiting the opening of its frames.
+    /// Waiting for the candidate to open its frames.
     Welcomed(u32),
 }
 
@@ -96,7 +96,7 @@ impl PlantSide {
         }
     }
 
-    /// Sets the side to run in real time: commands may be late or missing.
+    /// Makes the side run in real time: commands may be late or missing.
     #[must_use]
     pub const fn against_clock(mut self) -> Self {
         self.against_clock = true;
@@ -118,7 +118,7 @@ impl PlantSide {
         self
     }
 
-    /// Returns the step that awaits its release, if any.
+    /// Returns the step that is not released yet, if any.
     #[must_use]
     pub const fn unreleased(&self) -> Option<Step> {
         match self.state {
@@ -145,7 +145,7 @@ impl PlantSide {
         matches!(self.controller, Controller::Lost(_))
     }
 
-    /// Returns `true` if steps wait for another controller.
+    /// Returns `true` if steps wait for a replacement controller.
     #[must_use]
     pub fn waits_for_controller(&self) -> bool {
         self.needs_another() && !self.against_clock

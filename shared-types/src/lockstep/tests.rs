@@ -55,7 +55,7 @@ fn controller() -> ControllerSide {
     controller_of(false)
 }
 
-/// Creates a controller past hello of a plant that runs against the clock or not.
+/// Creates a controller past hello with a plant that may run against the clock.
 fn controller_of(against_clock: bool) -> ControllerSide {
     let hello = hello();
     let mut controller = ControllerSide::new();

@@ -1,4 +1,4 @@
-//! Events of a run, recorded beside the records.
+//! Events of a run, recorded along with the records.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +9,7 @@ use crate::pacer::Streaks;
 use crate::table::number;
 use crate::text;
 
-/// Event at a step, recorded beside the records. JSON in the stream.
+/// Event at a step, recorded along with the records. JSON in the stream.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Event {
@@ -44,7 +44,7 @@ impl Event {
         }
     }
 
-    /// Returns the note, if the event is one.
+    /// Returns the note if the event is a mark.
     #[must_use]
     pub const fn mark(&self) -> Option<&Mark> {
         match self {
@@ -57,7 +57,7 @@ impl Event {
 /// Maximum number of value changes in a run.
 pub const MOST_CHANGES: usize = 10_000;
 
-/// Values changed during a run, all from one step on; part of the digest.
+/// Values changed during a run, all from the same step on; part of the digest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ValueChange {
     /// Number of the change in the run, from 1; those of the scenario come first.
@@ -67,7 +67,7 @@ pub struct ValueChange {
     /// Steps until the values are reached; 0 means at once.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub ramp_steps: u64,
-    /// `true` if it was requested during the run, `false` if it belongs to the scenario.
+    /// `true` if the change was requested during the run, `false` if the scenario contains it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub live: bool,
     /// Each key by its full name, sorted by name.
@@ -136,7 +136,7 @@ pub struct Mark {
 pub struct ControllerChange {
     /// Number of the controller in the session, from 1.
     pub epoch: u32,
-    /// First step without it, or with it; if it was refused, the next step at that time.
+    /// First step without or with the controller; for a refused controller, the next step at that time.
     pub step: u64,
     /// Kind of change.
     #[serde(flatten)]
@@ -183,11 +183,11 @@ pub struct FaultAccepted {
 /// Fault that took effect.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FaultBegun {
-    /// Number of the fault event it belongs to.
+    /// Number of the fault event to which the effect belongs.
     pub id: u32,
     /// Index of the effect in the event, from 0.
     pub effect: u32,
-    /// First step at which it acts.
+    /// First step at which the fault acts.
     pub step: u64,
     /// Kind.
     #[serde(deserialize_with = "text::line_of")]
@@ -195,12 +195,12 @@ pub struct FaultBegun {
     /// Target.
     #[serde(deserialize_with = "text::line_of")]
     pub target: String,
-    /// Parameters or signal that it changes.
+    /// Parameters or signal that the fault changes.
     #[serde(deserialize_with = "text::line_of")]
     pub parameter: String,
-    /// All that determines its course, in a canonical form; part of the digest.
+    /// Canonical form of all inputs that determine the fault's course; part of the digest.
     pub canonical: String,
-    /// `true` if the fault costs time and changes nothing else, so that it is not part of the digest.
+    /// `true` if the fault costs time and changes nothing else, so that the digest excludes it.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub wall_only: bool,
 }
@@ -212,7 +212,7 @@ pub struct FaultEnded {
     pub id: u32,
     /// Index of the effect in the event, from 0.
     pub effect: u32,
-    /// First step without it.
+    /// First step without the fault.
     pub step: u64,
     /// `true` if the fault was cleared by request.
     pub cleared: bool,
@@ -229,7 +229,7 @@ pub struct RunEnd {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[serde(deserialize_with = "text::line_if_any")]
     pub reason: Option<String>,
-    /// Number of frames that failed a check: from the controller, and those that a fault corrupted.
+    /// Number of frames that failed a check: frames from the controller and frames that a fault corrupted.
     pub rejected_frames: u64,
     /// Counts of ignored messages and frames of controllers.
     #[serde(default, skip_serializing_if = "nothing_was_ignored")]
@@ -242,7 +242,7 @@ pub struct RunEnd {
     /// Steps whose command missed its deadline, in this run or in the run being repeated.
     #[serde(default)]
     pub missed_commands: Streaks,
-    /// Keys of parameters that were changed or faulted and that the model does not let be read back.
+    /// Keys of changed or faulted parameters whose values cannot be read back from the model.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[serde(deserialize_with = "text::lines_of")]
     pub unconfirmed: Vec<String>,
@@ -286,15 +286,15 @@ pub struct FaultEffectSize {
     /// Parameters or signal.
     #[serde(deserialize_with = "text::line_of")]
     pub parameter: String,
-    /// Step at which it took effect; `None` if it never did.
+    /// Step at which the effect began; `None` if it never did.
     pub step: Option<u64>,
-    /// First step without it, if it ended.
+    /// First step after the effect, if it ended.
     pub ended_step: Option<u64>,
-    /// Number of steps at which it changed a value.
+    /// Number of steps at which the effect changed a value.
     pub acted_steps: u64,
     /// Largest magnitude of the change.
     pub max_effect: f64,
-    /// Unit of that magnitude: the target's; `steps` for a delay, `ns` for lost time.
+    /// Unit of that magnitude: the target's unit; `steps` for a delay, `ns` for lost time.
     #[serde(deserialize_with = "text::line_of")]
     pub unit: String,
 }
@@ -305,7 +305,7 @@ pub struct FaultEffectSize {
 pub enum Outcome {
     /// All steps completed, confirmed by both sides.
     Completed,
-    /// The plant left its range of validity or a signal became not a number.
+    /// The plant left its range of validity or a signal became NaN.
     Diverged,
     /// A stop request ended the run.
     Stopped,
@@ -325,14 +325,14 @@ impl Outcome {
         }
     }
 
-    /// The outcome of this name.
+    /// Returns the outcome of this name.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         let all = [Self::Completed, Self::Diverged, Self::Stopped, Self::Failed];
         all.into_iter().find(|outcome| outcome.name() == name)
     }
 
-    /// Returns `true` if the run ended by itself: a repetition ends at the same step.
+    /// Returns `true` if the run ended by itself, so that a repetition ends at the same step.
     #[must_use]
     pub const fn is_own_end(self) -> bool {
         matches!(self, Self::Completed | Self::Diverged)

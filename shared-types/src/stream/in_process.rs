@@ -8,10 +8,10 @@ use crate::record::{Event, RecordLayout};
 
 /// Words in the ring: 8 MiB.
 const RING_WORDS: usize = 1 << 20;
-/// Words before each item: its length, number, kind and bytes.
+/// Words before each item: its length, number, kind and number of bytes.
 const HEAD_WORDS: usize = 4;
-/// Number of free words below which the loop is held back: an event may take tens of thousands, like that of a fault
-/// with a long table.
+/// Number of free words below which the loop is held back. An event may take tens of thousands of words, for example
+/// the event of a fault with a long table.
 const RESERVE_WORDS: usize = RING_WORDS / 2;
 
 /// Creates a connected sink and source.

@@ -1,8 +1,9 @@
 //! The record stream: from the plant to its recorder and other observers.
 //!
 //! The plant's end is a [`RecordSink`], the observer's a [`RecordSource`]. The observer returns credit, the number of
-//! its last contiguous item; a plant that must not lose records checks it now and then and holds the loop back when the
-//! buffer could overflow. Two implementations exist: a ring within one process, and iceoryx2 shared memory in `hil-session`.
+//! its last contiguous item; a plant that must not lose records checks the credit at intervals and holds the loop back
+//! when the buffer could overflow. Two implementations exist: a ring within one process, and iceoryx2 shared memory in
+//! `hil-session`.
 //! Both pass a public suite, [`conformance`](mod@crate::conformance).
 
 pub mod in_process;
@@ -10,7 +11,7 @@ pub mod in_process;
 use crate::link::LinkError;
 use crate::record::{Event, RecordLayout};
 
-/// Maximum size of an event in bytes; that of a fault with the longest permitted table is smaller.
+/// Maximum size of an event in bytes; the event of a fault with the longest permitted table is smaller.
 const LONGEST_EVENT: usize = 64 << 20;
 
 /// Kind of an item, a number on the wire.
@@ -41,7 +42,7 @@ impl ItemKind {
 pub enum Backpressure {
     /// No wait; no recorder is needed.
     None,
-    /// Wait only until the recorder is attached. Records that it is too slow for are lost and counted by it.
+    /// Wait only until the recorder is attached. A recorder that is too slow loses records and counts them.
     AtStart,
     /// Wait at every step rather than lose a record.
     Always,
@@ -55,7 +56,7 @@ pub trait RecordSink {
     /// If the transport failed.
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError>;
 
-    /// Returns `true` if a whole step's items can be published without losing one.
+    /// Returns `true` if all items of a step can be published without losing one.
     ///
     /// # Errors
     /// If the transport failed.
@@ -83,7 +84,7 @@ pub trait RecordSink {
     fn event(&mut self, event: &Event) -> Result<(), LinkError>;
 }
 
-/// Mutable reference to the plant's end, for use by a shorter-lived owner.
+/// Mutable reference to the plant's end, usable by a shorter-lived owner.
 impl<S: RecordSink + ?Sized> RecordSink for &mut S {
     fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
         (**self).open(layout)
@@ -129,11 +130,11 @@ pub trait RecordSource {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError>;
 }
 
-/// Largest plausible loss: at a million items a second it takes nine years.
+/// Largest plausible loss: nine years of items at a million a second.
 const LARGEST_LOSS: u64 = 1 << 48;
 
-/// Assembles events from their pieces and counts losses; used by every source, also that of a custom transport. Trusts
-/// no input, as it comes from another process.
+/// Assembles events from their pieces and counts losses; used by every source, including those of custom transports.
+/// Trusts no input, because all input comes from another process.
 #[derive(Debug, Default)]
 pub struct Assembler {
     last: u64,
@@ -141,7 +142,7 @@ pub struct Assembler {
 }
 
 impl Assembler {
-    /// Returns the number of the item that came last; 0 if none did.
+    /// Returns the number of the latest item; 0 if none arrived.
     #[must_use]
     #[inline]
     pub const fn last(&self) -> u64 {
@@ -165,7 +166,7 @@ impl Assembler {
         if lost > LARGEST_LOSS {
             let last = self.last;
             return take(Item::Broken(format!(
-                "item {sequence} came after item {last}, an impossible loss: the stream's memory was overwritten"
+                "item {sequence} came after item {last}, which is an impossible loss: the stream's memory was overwritten"
             )));
         }
         if lost > 0 {
@@ -200,7 +201,7 @@ impl Assembler {
 }
 
 /// Cuts an event into items of at most `words` words and sends each: its kind, bytes and words. Used by every sink,
-/// also that of a custom transport.
+/// including those of custom transports.
 ///
 /// # Errors
 /// The first failure to send.

@@ -1,4 +1,4 @@
-//! Properties specific to the ring within one process and to the assembler; `conformance` has those of every stream.
+//! Properties specific to the ring within one process and to the assembler; `conformance` covers those of every stream.
 
 use super::*;
 use crate::record::RecordLayout;
@@ -52,7 +52,7 @@ fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {
     assert!(items[before].starts_with("Event(Mark("));
 }
 
-/// Returns what an assembler makes of items with these numbers, kinds and bytes.
+/// Returns the output of an assembler for items with these numbers, kinds and bytes.
 fn assembled(items: &[(u64, u64, &[u8])]) -> Vec<String> {
     let mut assembler = Assembler::default();
     let mut list = Vec::new();

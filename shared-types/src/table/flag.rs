@@ -1,4 +1,4 @@
-//! Flags in brackets after a row of [`table!`](crate::table!); for an unknown one the compiler names the nearest.
+//! Flags in brackets after a row of [`table!`](crate::table!); the compiler names the flag nearest to an unknown one.
 
 use super::Field;
 

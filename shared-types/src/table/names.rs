@@ -2,9 +2,8 @@
 
 /// Returns the unit that a name's suffix stands for, for example `rad` for `surface_angle_rad`.
 ///
-/// For signals without a description: reference signals that the law does not know, and derived signals and metrics
-/// whose expression has no unit of its signals. A suffix after `_per_` or `_sqrt_` is only part of a unit and yields
-/// none.
+/// Used for signals without a description: reference signals unknown to the law, and derived signals and metrics whose
+/// expression does not determine a unit. A suffix after `_per_` or `_sqrt_` is only part of a unit and yields none.
 #[must_use]
 pub fn unit_of_name(name: &str) -> Option<&'static str> {
     const UNITS: [(&str, &str); 37] = [
@@ -56,8 +55,8 @@ pub fn unit_of_name(name: &str) -> Option<&'static str> {
         .map(|(_, unit)| *unit)
 }
 
-/// Returns the name and unit of a signal's derivative: `surface_angle_rad` gives `surface_angle_d2_radps2` in `rad/s2`
-/// for the second.
+/// Returns the name and unit of a signal's derivative. The second derivative of `surface_angle_rad` is
+/// `surface_angle_d2_radps2` in `rad/s2`.
 #[must_use]
 pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
     let power = if order == 1 {
@@ -75,7 +74,7 @@ pub fn derivative_of(name: &str, unit: &str, order: usize) -> (String, String) {
 /// Returns up to three names that are closest to an unknown one, best first.
 #[must_use]
 pub fn nearest<'a>(unknown: &str, names: impl IntoIterator<Item = &'a str>) -> Vec<&'a str> {
-    /// Longer than any misspelled name; comparing takes time proportional to the product of both lengths.
+    /// Length beyond that of any misspelled name; the time to compare names grows with the product of both lengths.
     const LONGEST: usize = 256;
     if unknown.len() > LONGEST {
         return Vec::new();
@@ -148,7 +147,7 @@ pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
     names.join(", ")
 }
 
-/// Formats the names closest to an unknown one as the end of a message; empty if none is close.
+/// Formats the names closest to an unknown one as the end of a message; empty if no name is close.
 #[must_use]
 pub fn near<'a>(name: &str, names: impl IntoIterator<Item = &'a str>) -> String {
     let near = nearest(name, names);

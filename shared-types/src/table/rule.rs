@@ -1,9 +1,9 @@
 //! Compile-time rules for the rows of [`table!`](crate::table!).
 //!
 //! Each rule is a trait with its compiler message, and a function that the macro calls with a part of the row, so that
-//! the error points at the row. Nothing of it runs.
+//! the error points at the row. No rule is evaluated at run time.
 
-/// Returns `true` unless the number before `..=` is above the one after it.
+/// Returns `true` unless the number before `..=` is above the number after it.
 #[must_use]
 pub const fn is_range(min: f64, max: f64) -> bool {
     min <= max
@@ -30,7 +30,7 @@ macro_rules! rule {
         }
 
         impl Kept<false> {
-            /// Accepts none, as no type implements the trait.
+            /// Accepts no type, because none implements the trait.
             pub const fn $check<T: $trait + Copy>(_part: T) {}
         }
     };

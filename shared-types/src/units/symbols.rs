@@ -9,7 +9,7 @@ use crate::table::{listed, nearest};
 /// Known symbol.
 pub(super) struct Known {
     pub(super) symbol: &'static str,
-    /// `true` if a prefix may precede it.
+    /// `true` if a prefix may precede the symbol.
     takes_prefix: bool,
     numerator: f64,
     denominator: f64,
@@ -163,7 +163,7 @@ const PREFIXES: [(&str, f64, f64); 22] = [
     ("y", 1.0, 1e24),
 ];
 
-/// Lists every symbol, plain and with each prefix that it takes.
+/// Lists every symbol, plain and with each prefix that it accepts.
 pub(super) fn all() -> impl Iterator<Item = String> {
     Known::ALL.iter().flat_map(|symbol| {
         let prefixes = PREFIXES.iter().filter(|_| symbol.takes_prefix);
@@ -172,7 +172,7 @@ pub(super) fn all() -> impl Iterator<Item = String> {
     })
 }
 
-/// Looks up the unit of a symbol: plain, or else with a prefix.
+/// Looks up the unit of a symbol, first without and then with a prefix.
 pub(super) fn known(symbol: &str) -> Option<Unit> {
     if let Some(exact) = Known::ALL.iter().find(|exact| exact.symbol == symbol) {
         return Some(exact.unit(1.0, 1.0));
@@ -221,7 +221,7 @@ const WORDS: [(&str, &str); 30] = [
     ("radian", "rad"),
 ];
 
-/// Returns the symbol of the unit that a word means, in the singular or the plural.
+/// Returns the symbol of the unit that a word names, in the singular or the plural.
 #[must_use]
 pub fn symbol_of_word(word: &str) -> Option<&'static str> {
     let word = word.to_ascii_lowercase();
@@ -230,8 +230,8 @@ pub fn symbol_of_word(word: &str) -> Option<&'static str> {
     WORDS.iter().find(is_it).map(|(_, symbol)| *symbol)
 }
 
-/// Formats the symbols close to an unknown one, to follow it in a message: that of a word, those that differ only in
-/// case, or those with similar spelling; empty if there is none.
+/// Formats the symbols close to an unknown one as the end of a message: the symbol of a word, or else symbols that
+/// differ only in case, or else those with a similar spelling; empty if there is none.
 pub(super) fn near(symbol: &str) -> String {
     let is_same = |candidate: &String| candidate.to_lowercase() == symbol.to_lowercase();
     let mut close: Vec<String> = match symbol_of_word(symbol) {

@@ -1,4 +1,4 @@
-//! Bench `c_twin`: how much longer does a run take than the same thing in plain C?
+//! Bench `c_twin`: how much longer does a run take than an equivalent program in plain C?
 //!
 //! `cargo bench -p tests --bench c_twin` compiles `severe_leakage.c`, the paper's scenario with the
 //! same plant, integrator, stimulus, fault and law, by the system's C compiler, at `-O3` and at
@@ -24,16 +24,16 @@ use experiment::{Experiment, scenario_file};
 use measure::{Bystanders, machine, median};
 use programs::Programs;
 
-/// Rounds, of which medians are taken.
+/// Rounds; the results are medians over them.
 const ROUNDS: usize = 5;
 
-/// Largest relative difference between what both compute.
+/// Largest relative difference between the results of both programs.
 const ROUNDING: f64 = 1e-9;
 
 /// Ways to compile the C program; the first is the one that counts.
 const OPTIONS: [&[&str]; 2] = [&["-O3"], &["-O3", "-march=native"]];
 
-/// Runs of `hil`; the first does what the C program does.
+/// Runs of `hil`; the first corresponds to the C program.
 const RUNS: [(&str, &[&str]); 3] = [
     ("in one process", &["--link", "in-process", "--no-record"]),
     ("in two processes", &["--no-record"]),
@@ -85,14 +85,14 @@ fn run_twin(program: &Path) -> Value {
     serde_json::from_slice(&output.stdout).expect("a line of JSON")
 }
 
-/// The summary of the same scenario.
+/// Returns the summary of the same scenario.
 fn run_hil(programs: &Programs, arguments: &[&str]) -> Value {
     let scenario = scenario_file();
     let scenario = scenario.to_str().expect("a path in UTF-8");
     programs.run(&[&[scenario], arguments].concat())
 }
 
-/// Makes sure that both compute the same thing.
+/// Checks that both programs compute the same results.
 ///
 /// # Panics
 /// If they do not.
@@ -135,7 +135,7 @@ fn numbers(list: &Value) -> Vec<f64> {
         .collect()
 }
 
-/// Measures in turns and prints.
+/// Measures all variants in turns and prints them.
 fn compare(twins: &[PathBuf], programs: &Programs, experiment: &Experiment) {
     let rows = experiment.rows();
     let mut done: Vec<(String, Vec<f64>)> = Vec::new();

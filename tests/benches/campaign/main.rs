@@ -1,4 +1,4 @@
-//! Bench `campaign`: what does a campaign add to the runs that it is made of?
+//! Bench `campaign`: what does a campaign add to the cost of its runs?
 //!
 //! `cargo bench -p tests --bench campaign` compares, in turns, the paper's severe leakage in a campaign of one
 //! worker with the same number of plain in-process runs without a recording, on one core; two workers with two such workers on
@@ -23,17 +23,17 @@ use std::time::{Duration, Instant};
 use hil_session::realtime::pin;
 use tempfile::TempDir;
 
-/// Rounds, of which medians are taken.
+/// Rounds; the results are medians over them.
 const ROUNDS: usize = 5;
 /// Cases of the paper's run in a round.
 const CASES: u64 = 16;
-/// Cases of a worker whose memory is looked at.
+/// Cases of the worker whose memory is observed.
 const ROWS: u64 = 100_000;
-/// Rows that are collected and shown.
+/// Rows to collect and show.
 const TABLE_ROWS: u64 = 1_000_000;
-/// Cases of programs of their own.
+/// Cases that run with programs of their own.
 const OWN: u64 = 2000;
-/// Time between two looks at the memory of a worker.
+/// Interval between two samples of a worker's memory.
 const LOOK: Duration = Duration::from_millis(20);
 
 fn main() -> std::process::ExitCode {
@@ -74,7 +74,7 @@ fn scenario(name: &str) -> String {
     path.to_str().expect("a path in UTF-8").to_owned()
 }
 
-/// A study of the teaching run cut to ten steps, without anything to judge.
+/// A study of the teaching run cut to ten steps, without metrics or requirements.
 fn short(cases: u64) -> String {
     format!(
         "schema = 1\nscenario = \"{}\"\ncases = {cases}\n\
@@ -84,7 +84,7 @@ fn short(cases: u64) -> String {
     )
 }
 
-/// A study of the paper's run, whose cases differ in their seed alone.
+/// A study of the paper's run, whose cases differ only in their seeds.
 fn severe(cases: u64) -> String {
     format!(
         "schema = 1\nscenario = \"{}\"\ncases = {cases}\n",
@@ -230,7 +230,7 @@ impl Desk {
     }
 }
 
-/// Time until both workers are done.
+/// Returns the time until both workers have finished.
 fn two_s(work: [(&String, &str); 2], desk: &Desk) -> f64 {
     let started = Instant::now();
     let workers = work.map(|(folder, task)| {
@@ -252,7 +252,7 @@ fn ended(mut child: Child) {
     assert!(status.success(), "{status}");
 }
 
-/// Resident memory of a process in kB, while it runs.
+/// Returns the resident memory of a running process in kB.
 fn resident_kb(process: u32) -> Option<u64> {
     let status = fs::read_to_string(format!("/proc/{process}/status")).ok()?;
     let line = status

@@ -1,6 +1,6 @@
-//! `collect` and `show` of very many rows beside duckdb on the same parts, in turns.
+//! `collect` and `show` for very many rows, compared with duckdb on the same parts, in turns.
 //!
-//! The rows are made up and published as workers publish theirs: what a case was is nothing to whoever reads them.
+//! The rows are made up and published as workers publish theirs: readers do not depend on the content of a case.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -18,7 +18,7 @@ use super::{Desk, LOOK, ROUNDS, measure, scenario};
 /// Cases of a shard.
 const SHARD: u64 = 15_625;
 
-/// Measures both at N rows.
+/// Measures both programs at N rows.
 pub(super) fn measure(desk: &Desk, rows: u64) {
     let Some(python) = python() else {
         println!("no python3 with duckdb: collect and show are not compared");
@@ -67,7 +67,7 @@ fn study(cases: u64) -> String {
     )
 }
 
-/// Makes a planned campaign one of N cases, and publishes a row for each.
+/// Turns a planned campaign into one of N cases, and publishes a row for each.
 fn fill(path: &Path, rows: u64) -> String {
     let mut manifest = Manifest::read(path).expect("a campaign");
     let study = study(rows);
@@ -113,7 +113,7 @@ fn row(case: u64, columns: &[Column], random: &mut RandomStream) -> Row {
     columns.iter().map(cell).collect()
 }
 
-/// Runs a program; its time in s, its greatest resident memory in MB and its answer.
+/// Runs a program; returns its time in s, its peak resident memory in MB and its output.
 fn run(command: &mut Command) -> (f64, u64, Value) {
     let began = Instant::now();
     let output = tempfile::NamedTempFile::new().expect("a file");

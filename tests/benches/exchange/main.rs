@@ -1,4 +1,4 @@
-//! Bench `exchange`: what does it cost to send a sample and have its command back?
+//! Bench `exchange`: how long does it take to send a sample and receive its command?
 //!
 //! `cargo bench -p tests --bench exchange` measures in one run, in turns, so that ratios hold even
 //! on a machine that is not idle:

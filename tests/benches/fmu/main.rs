@@ -1,4 +1,4 @@
-//! Bench `fmu`: what does an FMU cost beside FMPy, and how long does it take to open a large one?
+//! Bench `fmu`: what does an FMU cost compared with FMPy, and how long does it take to open a large one?
 //!
 //! `cargo bench -p tests --bench fmu` measures in turns `Dahlquist` of FMI 3 in `hil run --no-record`, which is two
 //! processes in lockstep, and the same steps in a loop over FMPy's low-level interface in one process. Then it opens
@@ -33,7 +33,7 @@ use serde_json::json;
 
 /// Pairs of `hil run` and FMPy's loop.
 const PAIRS: usize = 7;
-/// Times that each FMU is opened.
+/// Number of times that each FMU is opened.
 const OPENINGS: usize = 21;
 /// Steps of a run.
 const STEPS: u64 = 100_000;
@@ -122,7 +122,7 @@ fn python() -> Option<PathBuf> {
     })
 }
 
-/// Time of a step in FMPy's loop in ns.
+/// Time of a step in FMPy's loop, in ns.
 fn looped_ns(python: &Path, fmu: &Path, steps: u64) -> f64 {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/loop_fmu.py");
     let mut command = Command::new(python);

@@ -4,7 +4,7 @@ use std::process::Command;
 
 use crate::{Class, Jitter, PRIORITY, Setting};
 
-/// Most classes of a histogram; more are of a microsecond each, not of a nanosecond.
+/// Maximum number of classes in a histogram; beyond it, classes are a microsecond wide instead of a nanosecond.
 const MOST_CLASSES: u64 = 1_000_000;
 
 /// The program.
@@ -17,7 +17,7 @@ impl Cyclictest {
         help.is_ok().then_some(Self)
     }
 
-    /// Measures how late the program is woken.
+    /// Measures how late the program wakes up.
     ///
     /// # Panics
     /// If it does not run to its end or says something else than a histogram.
@@ -63,13 +63,13 @@ impl Cyclictest {
     }
 }
 
-/// A line of the histogram: a lateness and how often it was seen.
+/// A line of the histogram: a lateness and how often it occurred.
 fn bucket(line: &str) -> Option<(u64, u64)> {
     let (late, count) = line.split_once(' ')?;
     Some((late.parse().ok()?, count.parse().ok()?))
 }
 
-/// The least lateness that this share of the samples does not exceed.
+/// Returns the smallest lateness that this share of the samples does not exceed.
 fn percentile(histogram: &[(u64, u64)], share: f64) -> f64 {
     let all: u64 = histogram.iter().map(|(_, count)| count).sum();
     let wanted = (share * all as f64).ceil() as u64;

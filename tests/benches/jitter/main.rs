@@ -54,11 +54,11 @@ use self::measure::{Bystanders, cores, machine, median};
 use self::programs::Programs;
 use self::releases::Releases;
 
-/// From this lateness on it is a hole.
+/// Lateness from which a release counts as a hole.
 const HOLE_NS: u64 = UNFIT_NS;
-/// The same beside busy loops, where slices are measured.
+/// The same limit next to busy loops, where time slices are measured.
 const LONGEST_NS: u64 = 1_000_000_000;
-/// Rates, the samples of one run at each, and whether busy loops are beside it.
+/// Rates, the number of samples in a run at each rate, and whether busy loops run at the same time.
 const SETTINGS: [(u64, u64, bool); 3] = [
     (1000, 10_000, false),
     (4000, 40_000, false),
@@ -85,17 +85,17 @@ impl Class {
     }
 }
 
-/// Setting of a run: class, rate and cores with which samples are released.
+/// Setting of a run: scheduling class, rate and cores.
 #[derive(Clone, Copy, Debug)]
 struct Setting {
     class: Class,
     rate_hz: u64,
     samples: u64,
-    /// Core of the thread that is measured.
+    /// Core of the measured thread.
     core: usize,
-    /// Core of the controller; the same where there is only one.
+    /// Core of the controller; the same core if there is only one.
     other_core: usize,
-    /// True if a busy loop is on each core.
+    /// True if a busy loop runs on each core.
     busy: bool,
 }
 
@@ -108,7 +108,7 @@ impl Setting {
         self.samples as f64 / self.rate_hz as f64
     }
 
-    /// The lateness from which on it is a hole.
+    /// Lateness from which a release counts as a hole.
     const fn hole_ns(&self) -> u64 {
         if self.busy { LONGEST_NS } else { HOLE_NS }
     }
@@ -120,13 +120,13 @@ struct Jitter {
     p50_ns: f64,
     p99_ns: f64,
     p999_ns: f64,
-    /// Holes a second.
+    /// Holes per second.
     holes_hz: f64,
     /// The share of the samples that fell into them or were due before the one before was sent.
     removed: f64,
 }
 
-/// Sides, one after the other, beside the gaps that the detector saw before.
+/// Results of both programs in turn, with the gaps that the detector saw before.
 struct Pair {
     ours: Releases,
     theirs: Option<Jitter>,
@@ -175,7 +175,7 @@ fn main() {
     }
 }
 
-/// Measures pairs and prints them.
+/// Measures pairs of runs and prints them.
 fn compare(programs: &Programs, cyclictest: Option<&Cyclictest>, setting: &Setting) {
     let bystanders = Bystanders::watch();
     let pairs: Vec<Pair> = (0..rounds())
@@ -256,7 +256,7 @@ fn compare(programs: &Programs, cyclictest: Option<&Cyclictest>, setting: &Setti
     println!("{line}");
 }
 
-/// Holes a second on a core that nothing of ours uses but the detector and, if asked for, a busy loop.
+/// Returns the holes per second on a core that runs only the detector and, if requested, a busy loop.
 fn holes_hz(core: usize) -> f64 {
     let watched = gaps::measure(core as u32, GAPS_S).expect("a core that this process may use");
     let holes = (gaps::CLASSES_NS.iter().zip(watched.holes)).filter(|(from, _)| **from >= HOLE_NS);

@@ -1,4 +1,4 @@
-//! Release times of the samples of a paced `hil run`, by its recording.
+//! Release times of the samples of a paced `hil run`, read from its recording.
 
 use std::path::Path;
 
@@ -22,11 +22,11 @@ pub(crate) struct Releases {
 struct Sent {
     step: u64,
     sent_ns: u64,
-    /// Time by which the sample was later than due, as the plant noted.
+    /// Delay of the sample after its due time, as the plant noted it.
     late_ns: u64,
 }
 
-/// Returns true if a run gets the real-time class when it asks for it.
+/// Returns true if a run gets the real-time class when it requests it.
 pub(crate) fn may_be_real_time(programs: &Programs) -> bool {
     let scenario = scenario();
     let priority = PRIORITY.to_string();
@@ -48,7 +48,7 @@ fn scenario() -> String {
 }
 
 impl Releases {
-    /// Runs the scenario in its pace.
+    /// Runs the scenario at its pace.
     ///
     /// # Panics
     /// If it does not run or its recording cannot be read.

@@ -13,7 +13,7 @@ use crate::null::{self, Figures, Names, SIZES};
 use crate::programs::Programs;
 use crate::round_trips::{self, Exchange, Place, Round, SIGNALS, waits};
 
-/// Trips of a round of a bare exchange.
+/// Round trips in a round of a bare exchange.
 const TRIPS: u64 = 100_000;
 
 /// Observers of the records of a run.
@@ -50,7 +50,7 @@ struct Row {
     done: Vec<Figures>,
 }
 
-/// Measures all in turns and prints them.
+/// Measures all variants in turns and prints them.
 pub(crate) fn compare(programs: &Programs, names: &Names) {
     let cores = cores();
     let place = Place::apart(&cores).unwrap_or_else(|| Place::together(&cores));

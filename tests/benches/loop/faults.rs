@@ -48,7 +48,7 @@ pub(crate) fn compare(programs: &Programs) {
     );
 }
 
-/// Ten faults that change nothing the plant would notice, on all measured signals from the start.
+/// Ten faults without any effect that the plant would notice, on all measured signals from the start.
 fn ten_biases() -> String {
     let mut text = String::new();
     let plants = plant_process::models::all();
@@ -73,7 +73,7 @@ fn step_ns(summary: &Value) -> f64 {
     1e9 * number("wall_time_s") / number("steps")
 }
 
-/// Time of all calls of the layer in one step.
+/// Time of all calls of the fault layer in one step.
 fn idle_ns() -> f64 {
     let plants = plant_process::models::all();
     let plant = plants

@@ -17,14 +17,14 @@ use crate::effort::shortened;
 use crate::measure::{Bystanders, machine};
 use crate::programs::Programs;
 
-/// Time for which a run may settle before it is watched.
+/// Time for a run to settle before it is measured.
 const SETTLE: Duration = Duration::from_secs(2);
-/// Time for which a run is watched, in s.
+/// Time for which a run is measured, in s.
 const WATCH_S: u64 = 50;
-/// Time limit of anything, after which it counts as hanging.
+/// Time limit of any operation, after which it counts as hanging.
 const PATIENCE: Duration = Duration::from_secs(30);
 
-/// Watches both runs and prints what they cost.
+/// Measures both runs and prints their costs.
 pub(crate) fn compare(programs: &Programs) {
     let watch_s = shortened(WATCH_S) as f64;
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -102,7 +102,7 @@ impl Watched {
         }
     }
 
-    /// Each program and how much of a core it takes for so long.
+    /// Returns each program and its share of a core over this time.
     fn percents(&self, watch: Duration) -> Vec<(String, f64)> {
         let children = self.session.children.iter().map(|child| child.pid);
         let all: Vec<u32> = [self.hil.id()].into_iter().chain(children).collect();
@@ -118,7 +118,7 @@ impl Watched {
         all.iter().zip(before).map(taken).collect()
     }
 
-    /// Stops it, as Ctrl-C does, and waits for its end.
+    /// Stops the run, as Ctrl-C does, and waits for its end.
     fn end(&mut self) {
         let hil = rustix::process::Pid::from_child(&self.hil);
         rustix::process::kill_process(hil, rustix::process::Signal::INT).expect("it still runs");
@@ -126,7 +126,7 @@ impl Watched {
     }
 }
 
-/// Processor time of a process so far, in ticks: user and system time of all its threads.
+/// Returns the processor time of a process so far, in ticks: user and system time of all its threads.
 fn ticks(pid: u32) -> u64 {
     let stat = fs::read_to_string(format!("/proc/{pid}/stat")).expect("it still runs");
     let (_, fields) = stat.rsplit_once(')').expect("a name in parentheses");

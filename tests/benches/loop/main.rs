@@ -15,7 +15,7 @@
 //! - `monitor`: what `hil monitor` in a terminal costs the run that it watches;
 //! - `many`: what each of very many short runs costs, and whether the thousandth costs more than the first.
 //!
-//! What is compared is measured in turns. There is no time limit on any number; how much of the
+//! Compared variants are measured in turns. There is no time limit on any number; how much of the
 //! machine other programs took meanwhile is printed beside them. `HIL_BENCH_QUICK=1` only tries whether
 //! they work.
 

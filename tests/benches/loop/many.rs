@@ -1,4 +1,4 @@
-//! Very many short runs by one `hil run`: what each costs, and what is left of them.
+//! Very many short runs by one `hil run`: the cost of each, and the resources that remain in use afterwards.
 
 use std::io::{BufRead, BufReader};
 use std::path::Path;
@@ -16,14 +16,14 @@ use crate::programs::Programs;
 const SHORT: u64 = 500;
 /// Runs in the suite that shows whether they slow down.
 const LASTING: u64 = 1000;
-/// Simulated time of a run of 10 steps, at 1 kHz.
+/// Simulated time of a run of 10 steps at 1 kHz.
 const SHORT_S: f64 = 0.01;
 /// Simulated time of a run of the lasting suite.
 const LASTING_S: f64 = 1.0;
-/// Simulated time of a run beside which its files cost little.
+/// Simulated time of a run long enough that its files cost little.
 const LONG_S: f64 = 20.0;
 
-/// A process that goes on.
+/// A running process.
 #[derive(Clone, Copy, Default)]
 struct Held {
     threads: u64,
@@ -48,7 +48,7 @@ impl Held {
         }
     }
 
-    /// The larger of each number.
+    /// Returns the larger value of each number.
     fn most(self, other: Self) -> Self {
         Self {
             threads: self.threads.max(other.threads),
@@ -62,19 +62,19 @@ impl Held {
     }
 }
 
-/// A suite as it went.
+/// Results of a suite.
 struct Suite {
     /// Time from the start of `hil` to its end, for each run.
     each_ms: f64,
     /// Times between the ends of two runs.
     between_ms: Vec<f64>,
-    /// Process as it was after each run.
+    /// State of the process after each run.
     held: Vec<Held>,
 }
 
-/// Runs one scenario so often, with all results below a folder, and looks at the process if it is `watched`.
+/// Runs one scenario this many times, with all results below a folder, and observes the process if it is `watched`.
 ///
-/// Results are not removed until the bench ends: a file system may be slow after that for seconds.
+/// Results are removed only when the bench ends, because a file system may be slow for seconds after removals.
 fn suite(hil: &Path, folder: &Path, length: (f64, u64), watched: bool, ways: &[&str]) -> Suite {
     let (seconds, count) = length;
     let folder = tempfile::tempdir_in(folder).expect("a folder").keep();
@@ -130,10 +130,10 @@ fn in_shared_memory() -> Vec<String> {
         .collect()
 }
 
-/// Suites of a row: name, folder of the results, simulated seconds and number of the runs, arguments.
+/// Suites of a row: name, folder of the results, simulated seconds, number of runs and arguments.
 type Way<'a> = (&'a str, &'a TempDir, (f64, u64), &'a [&'a str]);
 
-/// Prints what a short run costs, and whether the thousandth costs more than the first.
+/// Prints the cost of a short run, and whether the thousandth run costs more than the first.
 pub(crate) fn compare(programs: &Programs) {
     let hil = &programs.hil;
     let count = shortened(SHORT);

@@ -12,7 +12,7 @@ use crate::programs::Programs;
 use crate::pseudo_terminal::open_terminal;
 use crate::watched::{Comparison, until};
 
-/// Prints what a monitor changes.
+/// Prints the effect of a monitor.
 pub(crate) fn compare(programs: &Programs) {
     let scenario = scenario_file();
     let comparison = Comparison {
@@ -24,11 +24,11 @@ pub(crate) fn compare(programs: &Programs) {
     comparison.print(|session| Monitor::drawn(&programs.hil, session));
 }
 
-/// A monitor in a terminal, until it is dropped.
+/// A monitor in a terminal, which ends when it is dropped.
 struct Monitor(Child);
 
 impl Monitor {
-    /// Starts one, and waits until it has drawn the held run.
+    /// Starts a monitor, and waits until it has drawn the held run.
     fn drawn(hil: &Path, session: &str) -> Self {
         let (holder, line) = open_terminal(80, 24);
         let end = || Stdio::from(line.try_clone().expect("another handle"));

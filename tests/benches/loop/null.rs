@@ -1,9 +1,8 @@
-//! A plant and a law that do nothing: what is left is what engine, link, runner and record stream cost
-//! between two processes.
+//! A plant and a law that do nothing: the remaining time is the cost of engine, link, runner and record stream between
+//! two processes.
 //!
-//! This program is its own plant and controller process, told apart by the name it is started under.
-//! A run by `hil run` is recorded. With the engine in this process nobody has to observe, or N
-//! that only watch.
+//! This program is also its own plant and controller process, distinguished by the name under which it was started.
+//! A run by `hil run` is recorded. With the engine in this process, either nobody observes or N observers only read.
 
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -35,10 +34,10 @@ use crate::programs::Programs;
 pub(crate) const SIZES: [usize; 4] = [8, 32, 128, 512];
 /// Steps of a run.
 const STEPS: u64 = 100_000;
-/// Time between two looks of an observer for records, well before its buffer is full.
+/// Interval at which an observer reads records, short enough that its buffer never fills.
 const LOOK: Duration = Duration::from_millis(1);
 const RATE_HZ: f64 = 10_000.0;
-/// Names that this program is started under.
+/// Names under which this program is started.
 const PLANT: &str = "null-plant";
 const CONTROLLER: &str = "null-controller";
 
@@ -112,7 +111,7 @@ impl RecordSink for RoundTrips<'_> {
     }
 }
 
-/// p50 and p99 of the round trip in ns, and the whole step in ns.
+/// Returns p50 and p99 of the round trip in ns, and the whole step in ns.
 pub(crate) type Figures = [f64; 3];
 
 /// A folder with this program under its other names.
@@ -133,7 +132,7 @@ impl Names {
     }
 }
 
-/// Takes what the plant publishes until the run is over, and does nothing with it.
+/// Reads the plant's records until the run is over, and discards them.
 fn watch(session: &SessionInfo, is_over: &AtomicBool) {
     let mut source = IceoryxSource::open(session, false).expect("a stream");
     while !is_over.load(Ordering::Relaxed) {
@@ -146,8 +145,8 @@ fn watch(session: &SessionInfo, is_over: &AtomicBool) {
     }
 }
 
-/// A run that nobody records and N watch: the engine here, the controller in a process of its
-/// own, the observers in threads.
+/// A run with N observers and no recorder: the engine in this process, the controller in a process of its own, the
+/// observers in threads.
 pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     let steps = shortened(STEPS);
     let mut session = Session::create(None).expect("a session");
@@ -198,7 +197,7 @@ pub(crate) fn watched(names: &Names, size: usize, observers: usize) -> Figures {
     [at(0.5), at(0.99), took_ns / steps as f64]
 }
 
-/// A run by `hil run`, with these arguments too.
+/// A run by `hil run` with these additional arguments.
 pub(crate) fn run(programs: &Programs, names: &Names, size: usize, arguments: &[&str]) -> Figures {
     let steps = shortened(STEPS) as f64;
     let (null, duration_s) = (name(size), steps / RATE_HZ);

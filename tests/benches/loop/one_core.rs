@@ -1,4 +1,4 @@
-//! Runs that have one core for everything: plant, controller and recorder, as under `taskset -c 0`.
+//! Runs with a single core for plant, controller and recorder, as under `taskset -c 0`.
 
 use hil_session::realtime::pin;
 use serde_json::json;
@@ -10,7 +10,7 @@ use crate::null::{self, Names};
 use crate::programs::Programs;
 use crate::round_trips::{Place, SIGNALS};
 
-/// Measures them in turns and prints what a step takes.
+/// Measures these runs in turns and prints the time of a step.
 pub(crate) fn compare(programs: &Programs, names: &Names) {
     let cores = cores();
     let place = Place::together(&cores);

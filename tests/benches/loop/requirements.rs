@@ -1,4 +1,4 @@
-//! Costs of requirements: twenty of them in the recorder of whole runs, and alone.
+//! Costs of requirements: twenty of them in the recorder of whole runs, and on their own.
 
 use std::fmt::Write as _;
 use std::hint::black_box;
@@ -18,7 +18,7 @@ use crate::experiment::scenario_file;
 use crate::measure::{Bystanders, cores, machine, median};
 use crate::programs::Programs;
 
-/// Steps of an evaluation alone.
+/// Steps of an evaluation on its own.
 const STEPS: u64 = 200_000;
 
 /// Prints both tables.
@@ -106,8 +106,8 @@ fn step_ns(summary: &Value) -> f64 {
     1e9 * number("wall_time_s") / number("steps")
 }
 
-/// Twenty requirements that look at all of the run and hold until its end: windows at the beginning, to
-/// the end and one inside the other, the past, and what follows an event.
+/// Twenty requirements that examine the whole run and hold until its end: windows at the beginning, up to the end and
+/// nested, the past, and the time after an event.
 fn twenty() -> String {
     let formulas = [
         "always(abs(tracking_error_rad) < 1)",

@@ -23,7 +23,7 @@ impl Way {
         }
     }
 
-    /// The median of a number of the summary.
+    /// Returns the median of a number in the summary.
     fn median_of(&self, pointer: &str) -> f64 {
         let values = self.done.iter();
         median(values.map(|summary| {
@@ -35,7 +35,7 @@ impl Way {
     }
 }
 
-/// Runs the paper's scenario in every way and prints how fast it was.
+/// Runs the paper's scenario in every way and prints the speeds.
 pub(crate) fn compare(programs: &Programs) {
     let scenario = scenario_file();
     let scenario = scenario.to_str().expect("a path in UTF-8");

@@ -79,7 +79,7 @@ fn beside_the_loop(programs: &Programs) {
     });
 }
 
-/// A panel, until it is dropped.
+/// A panel, which ends when it is dropped.
 struct Panel {
     process: Child,
     url: String,
@@ -87,7 +87,7 @@ struct Panel {
 }
 
 impl Panel {
-    /// Starts one, and waits until it tells its address.
+    /// Starts a panel, and waits until it prints its address.
     fn start(hil: &Path, session: &str) -> Self {
         let mut process = Command::new(hil)
             .args(["panel", "--no-open", "--json", "--session", session])
@@ -115,7 +115,7 @@ impl Drop for Panel {
     }
 }
 
-/// Reads all that a page is sent, on a thread, until the panel is gone; returns after the first points.
+/// Reads everything sent to a page, on a thread, until the panel has ended; returns after the first points.
 fn follow(url: &str) {
     let mut socket = connected(url);
     let mut say = move |text: String| socket.send(text.into()).and_then(|()| socket.read());

@@ -14,10 +14,10 @@ use crate::programs::Programs;
 use crate::watched::until;
 use crate::{Panel, scenario};
 
-/// Time in which it is seen what other programs take.
+/// Time for which the load of other programs is measured.
 const BEFORE: Duration = Duration::from_secs(3);
 
-/// Prints the figures of the page.
+/// Prints the results of the page.
 pub(crate) fn measure(programs: &Programs) {
     let Some((python, chromium)) = browser() else {
         println!("page: skipped: chromium, or a Python with playwright, is missing\n");
@@ -105,7 +105,7 @@ fn browser() -> Option<(PathBuf, &'static str)> {
     Some((python.into_iter().find(has_it)?, chromium))
 }
 
-/// A run paced at real time, until it is dropped.
+/// A run paced at real time, which ends when it is dropped.
 struct Run {
     process: Child,
     session: String,
@@ -168,14 +168,14 @@ impl Play {
         }
     }
 
-    /// Waits for a word of the play.
+    /// Waits for a message of the script.
     fn expect(&mut self, word: &str) {
         let mut line = String::new();
         self.stdout.read_line(&mut line).expect("text");
         assert_eq!(line.trim_end(), word);
     }
 
-    /// Waits for the end of the play, and gives what it told.
+    /// Waits for the end of the script, and returns its output.
     fn told(mut self) -> Value {
         let mut text = String::new();
         self.stdout.read_to_string(&mut text).expect("text");

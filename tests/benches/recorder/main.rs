@@ -1,4 +1,4 @@
-//! Bench `recorder`: what does the recorder's thread do with its time?
+//! Bench `recorder`: how does the recorder's thread spend its time?
 //!
 //! `cargo bench -p tests --bench recorder` records 4 s of two actuators, one of which leaks, once and plays its
 //! records again and again, one part of the recorder after another, in one thread. Printed is the
@@ -36,9 +36,9 @@ use tempfile::TempDir;
 
 use tape::{Replay, Tape};
 
-/// Rounds, of which medians are taken.
+/// Rounds; the results are medians over them.
 const ROUNDS: usize = 5;
-/// Records that are in a stream at once.
+/// Number of records in a stream at once.
 const BATCH: usize = 500;
 const COMPRESSIONS: [(&str, Compression); 3] = [
     ("none", Compression::None),
@@ -57,13 +57,13 @@ fn main() -> std::process::ExitCode {
     std::process::ExitCode::SUCCESS
 }
 
-/// The scenario that is recorded.
+/// The recorded scenario.
 fn scenario_file() -> PathBuf {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
     tests.join("scenarios/leakage.toml")
 }
 
-/// Processor time of this thread in ns.
+/// Returns the processor time of this thread in ns.
 fn cpu_ns() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     1e9 * time.tv_sec as f64 + time.tv_nsec as f64
@@ -189,7 +189,7 @@ fn digest_ns(tape: &Tape) -> f64 {
     taken_ns
 }
 
-/// The sums of chunks, which every part with chunks has too.
+/// The checksums of chunks, a cost that every variant with chunks includes.
 fn sums_ns(tape: &Tape) -> f64 {
     let mut sum = crc32fast::Hasher::new();
     let begun_ns = cpu_ns();
@@ -239,7 +239,7 @@ fn recording_ns(tape: &Tape, compression: Compression, path: &Path) -> f64 {
     cpu_ns() - begun_ns
 }
 
-/// The whole recorder but its stream.
+/// The whole recorder without its stream.
 fn thread_ns(tape: &Arc<Tape>, recording: Option<RecordingPlan>) -> f64 {
     let (plan, layout) = (tape.plan.clone(), tape.layout.clone());
     let (tell, told) = mpsc::channel();

@@ -1,4 +1,4 @@
-//! The records of a real run, to be played again and again.
+//! The records of a real run, for repeated playback.
 
 use std::path::Path;
 
@@ -19,14 +19,14 @@ const BATCH: usize = 1000;
 pub(crate) struct Tape {
     /// Plan of the run.
     pub(crate) plan: Plan,
-    /// The form of its records.
+    /// Layout of its records.
     pub(crate) layout: RecordLayout,
     words: Vec<u64>,
     end: Event,
 }
 
 impl Tape {
-    /// Reads the run in a folder.
+    /// Reads the run from a folder.
     pub(crate) fn read(folder: &Path, arguments: &[String]) -> Self {
         let mut reader = RunReader::open(folder).expect("a run");
         let fields = |group: &str| -> Vec<Field> {
@@ -81,7 +81,7 @@ fn plan(settings: &[String]) -> Plan {
         .unwrap_or_else(|problems| panic!("{problems}"))
 }
 
-/// A tape as the recorder's thread gets it; counts the processor time of that thread.
+/// Passes a tape to the recorder's thread, and counts the processor time of that thread.
 pub(crate) struct Replay {
     tape: std::sync::Arc<Tape>,
     at: usize,

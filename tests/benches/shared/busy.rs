@@ -1,4 +1,4 @@
-//! Busy loops beside what is measured.
+//! Busy loops that run next to a measurement.
 
 use std::io;
 use std::process::{Child, Command, Stdio};
@@ -8,11 +8,11 @@ use hil_session::realtime::pin;
 /// Variable that makes a bench's program a busy loop: its nice value, core and session.
 const BURN: &str = "HIL_BENCH_BURN";
 
-/// A process that wants a whole core, until it is dropped.
+/// A process that occupies a whole core until it is dropped.
 pub(crate) struct BusyLoop(Child);
 
 impl BusyLoop {
-    /// Starts one of this nice value, on this core if one is named, in a session of its own if `elsewhere`.
+    /// Starts a busy loop with this nice value, on this core if one is named, in a session of its own if `elsewhere`.
     pub(crate) fn start(nice: i32, core: Option<usize>, elsewhere: bool) -> io::Result<Self> {
         let core = core.map_or("-".into(), |core| core.to_string());
         let child = Command::new(std::env::current_exe()?)
@@ -30,7 +30,7 @@ impl Drop for BusyLoop {
     }
 }
 
-/// Computes until the bench ends, if this process was started for that; returns true then.
+/// Computes until the bench ends, if this process was started as a busy loop, and then returns true.
 pub(crate) fn burned() -> bool {
     let Ok(asked) = std::env::var(BURN) else {
         return false;

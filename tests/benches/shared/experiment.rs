@@ -1,7 +1,7 @@
 //! The paper's scenario in one thread, with nothing between plant and law.
 //!
-//! Used by the benches `loop` and `c_twin`. The loop is closed by hand; whoever wants one part alone
-//! keeps every row and gives the plant the same commands and the law the same samples again.
+//! Used by the benches `loop` and `c_twin`. The loop is closed by hand; to measure one part alone, a bench keeps every
+//! row and then gives the plant the same commands and the law the same samples again.
 
 use std::hint::black_box;
 use std::path::{Path, PathBuf};
@@ -17,20 +17,20 @@ use plant_process::stimulus;
 use shared_types::record::RecordLayout;
 use shared_types::time::{Interval, Step};
 
-/// The scenario's file.
+/// Path of the scenario.
 pub(crate) fn scenario_file() -> PathBuf {
     let tests = Path::new(env!("CARGO_MANIFEST_DIR"));
     tests.join("../scenarios/severe-leakage.toml")
 }
 
-/// Run, closed by hand.
+/// A run whose loop is closed by hand.
 pub(crate) struct Experiment {
     plan: Plan,
     plant: PlantKind,
     law: LawKind,
 }
 
-/// Signals that went between plant and law, row after row.
+/// Signals exchanged between plant and law, row after row.
 #[derive(Default)]
 pub(crate) struct Rows {
     measured: Vec<f64>,
@@ -38,21 +38,21 @@ pub(crate) struct Rows {
     command: Vec<f64>,
 }
 
-/// The plant with what the engine calls around it.
+/// The plant, with the calls that the engine makes around it.
 struct Rig {
     model: Box<dyn Model>,
     faults: FaultLayer,
     truth: Vec<f64>,
 }
 
-/// The law with room for what it shows.
+/// The law, with storage for its internals.
 struct Answerer {
     law: Box<dyn Law>,
     internals: Vec<f64>,
 }
 
 impl Experiment {
-    /// The scenario with a law of its plant.
+    /// Creates the scenario with a law for its plant.
     pub(crate) fn new(law: &str) -> Self {
         let plants = plant_process::models::all();
         let laws = controller_process::laws::all();
@@ -142,7 +142,7 @@ impl Experiment {
         }
     }
 
-    /// The columns that the law needs, of a row with these columns.
+    /// Returns the columns that the law needs from a row with these columns.
     fn places(
         all: &[shared_types::table::Field],
         wanted: &[shared_types::table::Field],
@@ -174,8 +174,7 @@ impl Experiment {
         black_box(&answerer.internals);
     }
 
-    /// Closes the loop; `keep` sees what the law was given and what it commanded. The end is what is
-    /// measured after the last step.
+    /// Closes the loop; `keep` receives the law's input and its commands. Returns the measurement after the last step.
     fn close(&self, mut keep: impl FnMut(&[f64], &[f64], &[f64])) -> Vec<f64> {
         let (mut rig, mut law) = (self.rig(), self.law());
         let description = &self.plant.description;
@@ -206,7 +205,7 @@ impl Experiment {
         measured
     }
 
-    /// Closes the loop and keeps what went across.
+    /// Closes the loop and keeps the exchanged signals.
     pub(crate) fn rows(&self) -> Rows {
         let mut rows = Rows::default();
         self.close(|measured, reference, command| {
@@ -258,14 +257,14 @@ impl Experiment {
         self.per_step(since_ns)
     }
 
-    /// A step of the closed loop in ns with nothing kept, and what is measured in the end.
+    /// Returns the time in ns of a step of the closed loop without keeping anything, and the last measurement.
     pub(crate) fn closed(&self) -> (f64, Vec<f64>) {
         let since_ns = monotonic_ns();
         let end = self.close(|_, _, _| {});
         (self.per_step(since_ns), end)
     }
 
-    /// The law's name.
+    /// Returns the law's name.
     pub(crate) fn law_name(&self) -> &str {
         &self.law.description.name
     }

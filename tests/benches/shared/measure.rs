@@ -1,4 +1,4 @@
-//! Measures that every bench needs: medians, percentiles, cores, and how busy the machine was otherwise.
+//! Functions that every bench needs: medians, percentiles, cores, and the load of the machine by other programs.
 
 use std::fs;
 
@@ -6,7 +6,7 @@ use hil_facts::results::company::ProcessorTime;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::{Value, json};
 
-/// The middle of some values.
+/// Returns the median of some values.
 ///
 /// # Panics
 /// If there are none.
@@ -21,7 +21,7 @@ pub(crate) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     }
 }
 
-/// The cores that this process may run on.
+/// Returns the cores on which this process may run.
 pub(crate) fn cores() -> Vec<usize> {
     let allowed = sched_getaffinity(None).expect("Linux tells the cores of a process");
     (0..CpuSet::MAX_CPU)
@@ -29,7 +29,7 @@ pub(crate) fn cores() -> Vec<usize> {
         .collect()
 }
 
-/// Describes the machine that the numbers of a bench were measured on.
+/// Describes the machine on which a bench was measured.
 pub(crate) fn machine() -> Value {
     let cpu = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let model = (cpu.lines().find(|line| line.starts_with("model name")))
@@ -44,16 +44,16 @@ pub(crate) fn machine() -> Value {
     })
 }
 
-/// Watches what other programs take of the cores.
+/// Measures how much of the cores other programs use.
 pub(crate) struct Bystanders(ProcessorTime);
 
 impl Bystanders {
-    /// Begins to watch.
+    /// Begins to measure.
     pub(crate) fn watch() -> Self {
         Self(ProcessorTime::now())
     }
 
-    /// The share of the cores that other programs took since then, 0 to 1.
+    /// Returns the share of the cores used by other programs since the start, 0 to 1.
     pub(crate) fn share(&self) -> f64 {
         ProcessorTime::now().others_share(&self.0)
     }

@@ -1,4 +1,4 @@
-//! The release programs, built where they are not up to date; with `--profile dev` those of that.
+//! The release programs, built if they are not up to date; with `--profile dev`, those of that profile.
 
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ pub(crate) struct Programs {
 }
 
 impl Programs {
-    /// Builds what is not up to date.
+    /// Builds the programs that are not up to date.
     pub(crate) fn built() -> Self {
         let own = std::env::current_exe().expect("a path to this program");
         let target = own.ancestors().nth(3);
@@ -39,13 +39,13 @@ impl Programs {
         }
     }
 
-    /// The summary of a run with these arguments.
+    /// Returns the summary of a run with these arguments.
     pub(crate) fn run(&self, arguments: &[&str]) -> Value {
         let folder = TempDir::new().expect("a folder");
         self.run_in(&folder.path().join("run"), arguments)
     }
 
-    /// The same, of a run that leaves its files in a folder.
+    /// Returns the summary of a run that leaves its files in a folder.
     pub(crate) fn run_in(&self, folder: &Path, arguments: &[&str]) -> Value {
         let output = self.command(folder, arguments).output().expect("hil");
         let said = String::from_utf8_lossy(&output.stderr);
@@ -54,7 +54,7 @@ impl Programs {
             .unwrap_or_else(|_| panic!("hil run {arguments:?}: {said}"))
     }
 
-    /// A run that prints its summary and leaves its files in a folder.
+    /// Command of a run that prints its summary and leaves its files in a folder.
     pub(crate) fn command(&self, folder: &Path, arguments: &[impl AsRef<OsStr>]) -> Command {
         let mut hil = Command::new(&self.hil);
         hil.args(["run", "--json", "--out"]).arg(folder);

@@ -1,4 +1,4 @@
-//! Runs with and without somebody who watches them, in turns.
+//! Runs with and without an observer, in turns.
 //!
 //! Each run is held before its first steps until the observer is there, also where there is none, so that both are
 //! held alike.
@@ -13,14 +13,14 @@ use tempfile::TempDir;
 use crate::effort::rounds;
 use crate::measure::{Bystanders, machine, median};
 
-/// Time that a run or an observer may take to be there.
+/// Time limit for a run or an observer to start.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// Runs of `hil` that are watched or not.
+/// Runs of `hil` with or without an observer.
 pub(crate) struct Comparison<'a> {
     /// Program.
     pub(crate) hil: &'a Path,
-    /// Scenario and what is set of it.
+    /// Scenario and its changed settings.
     pub(crate) arguments: &'a [&'a str],
     /// Title of the table.
     pub(crate) title: &'a str,
@@ -88,7 +88,7 @@ impl Comparison<'_> {
         println!("{line}\n");
     }
 
-    /// The summary of a run, perhaps watched.
+    /// Returns the summary of a run, with or without an observer.
     fn run<T>(&self, watch: Option<impl Fn(&str) -> T>) -> Value {
         let folder = TempDir::new().expect("a folder");
         let session = format!("bench-{}", std::process::id());
@@ -124,7 +124,7 @@ fn until_held(hil: &Path, session: &str) {
     });
 }
 
-/// Waits for something that has to come.
+/// Waits for something that must arrive.
 pub(crate) fn until(what: &str, mut happened: impl FnMut() -> bool) {
     let since = Instant::now();
     while !happened() {

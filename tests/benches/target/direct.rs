@@ -1,4 +1,4 @@
-//! The way that was not taken: both sides on the wire themselves, without bridge and agent.
+//! The rejected design: both sides access the wire themselves, without bridge and agent.
 //!
 //! Frames are sealed, numbered and repeated as between those, by the same code. Plant and law do nothing. With fewer cores
 //! than two the sides poll nothing, as bridge and agent do with fewer than their four loops.
@@ -20,10 +20,10 @@ use shared_types::wait::{Sleeper, WaitLimit, WaitStrategy};
 
 use super::{BYTES, WATCHDOG};
 
-/// Values of a frame, so that a sealed one has as many bytes as a bare datagram.
+/// Number of values in a frame, chosen so that a sealed frame is as large as a bare datagram.
 const VALUES: usize = 25;
 
-/// Key of both ends: here nobody else listens.
+/// Key of both ends; nobody else listens here.
 fn key() -> Key {
     Key::from_hex(&"77".repeat(32)).expect("hexadecimal digits")
 }
@@ -68,7 +68,7 @@ impl End {
         }
     }
 
-    /// Sends what was written into `bytes`.
+    /// Sends the content of `bytes`.
     fn send(&mut self) {
         let sealed = self.datagrams.close(&self.bytes).expect("short");
         let _ = self.socket.send(sealed); // lost, as any may be
@@ -89,7 +89,7 @@ fn header(kind: FrameKind, step: u64) -> Header {
     }
 }
 
-/// Leads on a connected socket, after the other end's greeting: times of the trips in us.
+/// Leads on a connected socket after the other end's greeting; returns the times of the trips in us.
 pub(super) fn lead(socket: UdpSocket, greeting: &[u8], steps: u32) -> Vec<f64> {
     let (seal, message) = answer(&key(), &[], greeting).expect("the same key");
     socket.send(&message).expect("sent");
@@ -120,7 +120,7 @@ pub(super) fn lead(socket: UdpSocket, greeting: &[u8], steps: u32) -> Vec<f64> {
     trips
 }
 
-/// Answers on a connected socket until this process is ended.
+/// Answers on a connected socket until this process is terminated.
 pub(super) fn follow(socket: UdpSocket) {
     let (begun, greeting) = begin(&key(), &[]).expect("random numbers");
     socket.send(&greeting).expect("sent");

@@ -4,12 +4,13 @@
 //! of datagrams with as many bytes over the same wire, blocking and spinning. The target is this machine, reached by a
 //! script in place of `ssh`, and the wire its loopback, or with `-- veth` that between two network namespaces, which needs
 //! root: so both ends share the cores, and what is shown is the work of bridge and agent, not that of a network.
-//! A third exchange shows the way that was not taken, both sides on the wire themselves, without bridge and agent.
-//! The share of the answers that arrived as datagrams is shown too: on a clean wire the connection has to carry next to none.
-//! Each is measured idle and beside a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
+//! A third exchange measures the rejected design, with both sides on the wire themselves, without bridge and agent.
+//! The share of answers that arrived as datagrams is printed too: on a clean wire the connection has almost none to
+//! carry.
+//! Each variant is measured idle and next to a busy loop on each core; medians of `HIL_BENCH_ROUNDS` (5) in turns.
 //!
-//! `-- strangers` measures an agent that listens instead: the time of `hil target check` beside silent contacts, and what
-//! 100,000 contacts leave in its memory and log.
+//! `-- strangers` measures a listening agent instead: the time of `hil target check` next to silent contacts, and the
+//! memory and log that 100,000 contacts leave behind.
 
 #[path = "../shared/busy.rs"]
 mod busy;
@@ -32,13 +33,14 @@ use busy::BusyLoop;
 use measure::{machine, median};
 use programs::Programs;
 
-/// Bytes of a bare datagram: a frame of the scenario, sealed.
+/// Size of a bare datagram in bytes: that of a sealed frame of the scenario.
 const BYTES: usize = 400;
 /// Time after which the other end of an exchange counts as missing.
 const WATCHDOG: Duration = Duration::from_secs(60);
-/// Variable that makes this program the other end of an exchange: the address of this end, and which exchange it is.
+/// Variable that makes this program the other end of an exchange: it holds the address of this end and the kind of
+/// exchange.
 const ECHO: &str = "HIL_BENCH_ECHO";
-/// Steps of the scenario, and exchanges.
+/// Steps of the scenario, and number of exchanges.
 const STEPS: u32 = 20_000;
 
 fn main() -> ExitCode {
@@ -158,7 +160,7 @@ struct Wire {
     name: &'static str,
     desk: &'static str,
     board: &'static str,
-    /// Process in the network namespace of the board, which ends with it, as that one does with this.
+    /// Process in the board's network namespace, which exists as long as this process.
     holder: Option<Ended>,
 }
 
@@ -212,7 +214,7 @@ impl Wire {
         wire
     }
 
-    /// The words before a command that is to run on the board.
+    /// Returns the words that precede a command on the board.
     fn there(&self) -> Vec<String> {
         let Some(holder) = &self.holder else {
             return vec!["env".to_owned()];
@@ -224,7 +226,7 @@ impl Wire {
     }
 }
 
-/// Makes a script in place of `ssh`; returns the search path with it.
+/// Creates a script in place of `ssh`; returns the search path with it.
 fn ssh_in(folder: &Path, wire: &Wire) -> String {
     let script = folder.join("ssh");
     let text = format!(
@@ -246,10 +248,10 @@ fn ssh_in(folder: &Path, wire: &Wire) -> String {
 
 /// A run of the paper's scenario.
 struct Run {
-    /// Time of a step and p50 of the round trips, in us.
+    /// Returns the time of a step and p50 of the round trips, in us.
     figures: [f64; 2],
     digest: String,
-    /// Share of the answers that arrived as datagrams, with a target.
+    /// Share of answers that arrived as datagrams, with a target.
     datagrams: Option<f64>,
 }
 
@@ -292,7 +294,7 @@ fn run(programs: &Programs, path: &str, target: Option<&str>) -> Run {
     }
 }
 
-/// Reads the share of the answers that arrived as datagrams in the log of a run.
+/// Reads the share of answers that arrived as datagrams from the log of a run.
 fn share(log: &str) -> Option<f64> {
     let line = log
         .lines()
@@ -323,7 +325,7 @@ impl Exchange {
     }
 }
 
-/// Exchanges with another process: us each on average, and p50 in us.
+/// Exchanges with another process; returns the mean time of an exchange and p50 in us.
 fn exchanged(wire: &Wire, exchange: Exchange) -> [f64; 2] {
     let socket = UdpSocket::bind((wire.desk, 0)).expect("a socket");
     let address = socket.local_addr().expect("an address");
@@ -364,7 +366,7 @@ fn bare(socket: &UdpSocket, spins: bool) -> Vec<f64> {
     (0..STEPS).map(trip).collect()
 }
 
-/// A process that is ended when it is dropped.
+/// A process that is terminated when it is dropped.
 struct Ended(Child);
 
 impl Drop for Ended {
@@ -389,7 +391,7 @@ fn receive(socket: &UdpSocket, bytes: &mut [u8]) {
     }
 }
 
-/// Answers datagrams until this process is ended, if it was started for that; returns true then.
+/// Answers datagrams until this process is terminated, if it was started as the other end, and then returns true.
 fn echoed() -> bool {
     let Ok(asked) = std::env::var(ECHO) else {
         return false;

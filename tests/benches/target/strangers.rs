@@ -1,4 +1,4 @@
-//! Strangers at an agent that listens: how long does an honest check take beside silent contacts, and what do very many
+//! Strangers at a listening agent: how long does an honest check take next to silent contacts, and what do very many
 //! contacts leave behind?
 
 use std::fs::File;
@@ -15,14 +15,14 @@ use crate::measure::median;
 use crate::programs::Programs;
 use crate::{Ended, WATCHDOG};
 
-/// Silent contacts that are there at any time.
+/// Number of silent contacts at any time.
 const SILENT: usize = 50;
-/// Contacts that say nothing and leave.
+/// Number of contacts that send nothing and leave.
 const CONTACTS: u32 = 100_000;
-/// Checks of each kind.
+/// Number of checks of each kind.
 const CHECKS: u32 = 9;
 
-/// An agent that listens, with its log in a file.
+/// A listening agent, with its log in a file.
 struct Agent {
     process: Ended,
     address: String,
@@ -70,7 +70,7 @@ impl Agent {
         }
     }
 
-    /// Times of checks in ms; `None` for one that failed.
+    /// Times of checks in ms; `None` for a failed check.
     fn checks(&self, programs: &Programs) -> Vec<Option<f64>> {
         let target = format!("serve://{}", self.address);
         let check = |_| {
@@ -101,7 +101,7 @@ impl Agent {
     }
 }
 
-/// Measures, and prints a line for each.
+/// Measures all kinds, and prints a line for each.
 pub(crate) fn measure(programs: &Programs, folder: &Path) {
     let agent = Agent::start(programs, folder);
     let show = |beside: &str, checks: &[Option<f64>]| {
@@ -149,7 +149,7 @@ pub(crate) fn measure(programs: &Programs, folder: &Path) {
     });
 }
 
-/// Keeps silent contacts: one that is closed is made again.
+/// Maintains silent contacts: a closed contact is opened again.
 fn stay_silent(address: &str, is_over: &AtomicBool) {
     let contact = || {
         let contact = TcpStream::connect(address).expect("it listens");

@@ -1,4 +1,4 @@
-//! Least cost of a step: two processes with the work of the scenario and nothing but a wake-up between.
+//! Lower bound for a step: two processes with the work of the scenario and only a wake-up between them.
 
 use std::io::{Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -26,15 +26,15 @@ const TURNS: &str = "HIL_BENCH_TURNS";
 const TRIPS: &str = "HIL_BENCH_TRIPS";
 const PRIORITY: &str = "HIL_BENCH_PRIORITY";
 
-/// Values of a sample and of a command.
+/// Number of values in a sample and in a command.
 const VALUES: (usize, usize) = (32, 16);
-/// Bytes of their frames.
+/// Size of their frames in bytes.
 const SAMPLE_BYTES: usize = 8 * frame::words(VALUES.0);
 const COMMAND_BYTES: usize = 8 * frame::words(VALUES.1);
-/// Time that the other side may take; only a failure takes so long.
+/// Time limit for the other side, reached only by a failure.
 const LIMIT: Duration = Duration::from_secs(60);
 
-/// Work of one step, as turns of a loop.
+/// Work of one step, as iterations of a loop.
 #[derive(Clone, Copy)]
 pub(crate) struct Work {
     turns: u64,
@@ -42,7 +42,7 @@ pub(crate) struct Work {
 }
 
 impl Work {
-    /// Work that takes so long on an idle core.
+    /// Returns the work that takes this time on an idle core.
     pub(crate) fn of(seconds: f64) -> Self {
         const TURNS: u64 = 10_000_000;
         let since = Instant::now();
@@ -75,9 +75,9 @@ fn work(turns: u64) {
 pub(crate) enum Bare {
     /// A UNIX socket that blocks.
     Socket,
-    /// Shared memory and a futex, slept on at once.
+    /// Shared memory and a futex, without spinning before it sleeps.
     Futex,
-    /// Shared memory, and a yield after each look.
+    /// Shared memory, with a yield after each read.
     PingPong,
 }
 
@@ -121,7 +121,7 @@ impl Bare {
     }
 }
 
-/// Runs as a side of a bare exchange, if this process was started as one.
+/// Runs as one side of a bare exchange, if this process was started as one.
 pub(crate) fn answered() -> bool {
     let Ok(way) = std::env::var(WAY) else {
         return false;
@@ -162,7 +162,7 @@ pub(crate) fn answered() -> bool {
     true
 }
 
-/// An end that works before it sends.
+/// An end that does its work before it sends.
 struct Working {
     end: Box<dyn End>,
     turns: u64,
@@ -253,7 +253,7 @@ impl End for Bells {
         self.other.ring();
     }
 
-    /// Sleeps until something new is there.
+    /// Sleeps until something new arrives.
     fn receive(&mut self) -> Option<u64> {
         loop {
             let (announced, since) = (self.own.announce(), Instant::now());
@@ -278,7 +278,7 @@ fn open_board(session: &SessionInfo, leads: bool) -> Blackboard {
     }
 }
 
-/// Looks until something is there.
+/// Polls until something new arrives.
 fn awaited<T>(mut look: impl FnMut() -> Option<T>) -> T {
     let since = Instant::now();
     loop {

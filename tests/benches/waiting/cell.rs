@@ -14,20 +14,20 @@ use crate::measure::cores;
 /// Cores' worth of processor time in a cell with a quota.
 const QUOTA_CORES: f64 = 1.5;
 
-/// A situation of a run.
+/// Situation in which a run is measured.
 pub(crate) struct Cell {
     pub(crate) name: String,
     /// Busy loops, by nice value and core.
     loops: Vec<(i32, Option<usize>)>,
     /// True if the busy loops have a session of their own.
     elsewhere: bool,
-    /// True if everything in the cell has one core.
+    /// True if everything in the cell shares one core.
     one_core: bool,
     /// `SCHED_FIFO` priority of both sides.
     pub(crate) priority: u32,
-    /// Version of the control groups whose quota everything in it has, if any.
+    /// Version of the control groups whose quota covers everything in the cell, if any.
     quota_version: Option<u32>,
-    /// Runs at once.
+    /// Number of runs at once.
     pub(crate) sessions: usize,
 }
 
@@ -90,7 +90,7 @@ pub(crate) fn cells() -> Vec<Cell> {
     cells
 }
 
-/// Situation of a cell, kept until it is dropped.
+/// An established situation, which ends when it is dropped.
 pub(crate) struct Within {
     loops: Vec<BusyLoop>,
     free: CpuSet,
@@ -98,12 +98,12 @@ pub(crate) struct Within {
 }
 
 impl Cell {
-    /// Tells if nothing else runs in it.
+    /// Returns true if no other load runs in the cell.
     pub(crate) const fn is_alone(&self) -> bool {
         self.loops.is_empty() && self.sessions == 1
     }
 
-    /// Makes the situation for what is started from now on.
+    /// Establishes the situation for all processes started from now on.
     pub(crate) fn enter(&self) -> Result<Within, String> {
         let free = sched_getaffinity(None).map_err(|e| e.to_string())?;
         let mut within = Within {

@@ -1,4 +1,4 @@
-//! Bench `waiting`: what do the ways to wait cost beside other programs?
+//! Bench `waiting`: what do the wait strategies cost next to other programs?
 //!
 //! `cargo bench -p tests --bench waiting` runs the paper's scenario in every cell with every strategy, in
 //! turns, beside a bare blocking UNIX socket and a bare futex with the same work, and where nobody else is a bare
@@ -34,17 +34,17 @@ use rustix::process::{Pid, PidfdFlags, Signal, pidfd_open, pidfd_send_signal};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-/// The strategies; the first is judged by the others.
+/// The strategies; the first is judged against the others.
 const STRATEGIES: [&str; 4] = ["hybrid", "spin", "yield", "sleep"];
 /// `hybrid` once more, with a recording; not judged.
 const RECORDED: &str = "recorded";
 /// A ping-pong with the work of a recorded step in one process, its recorder included, measured in the same cell.
 const RECORDED_PING_PONG: &str = "ping-pong, recorded";
-/// Steps of a second of the scenario.
+/// Steps per second of the scenario.
 const RATE_HZ: f64 = 10_000.0;
-/// Time after which a run is interrupted, in times that of `hybrid`.
+/// Multiple of the time of `hybrid` after which a run is interrupted.
 const LONGEST: f64 = 3.0;
-/// Ratio of what is judged, and of the best to itself.
+/// Ratio of the judged strategy to the best one, and of the best one to itself.
 const LIMIT: f64 = 1.5;
 
 fn main() -> ExitCode {
@@ -84,7 +84,7 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Us a step of the scenario in one process: the work without any exchange.
+/// Returns the time in us of a step of the scenario in one process: the work without any exchange.
 fn plain_step_us(programs: &Programs, is_recorded: bool) -> f64 {
     let arguments = arguments(20.0);
     let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
@@ -104,7 +104,7 @@ fn number(name: &str, otherwise: f64) -> f64 {
         .unwrap_or(otherwise)
 }
 
-/// Arguments of a run of the scenario without its events, for N simulated seconds.
+/// Returns the arguments of a run of the scenario without its events, for N simulated seconds.
 fn arguments(duration_s: f64) -> Vec<String> {
     let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/severe-leakage.toml");
     let mut arguments = vec![scenario.to_string_lossy().into_owned()];
@@ -115,7 +115,7 @@ fn arguments(duration_s: f64) -> Vec<String> {
     arguments
 }
 
-/// Us a step, of those that were executed.
+/// Returns the time in us of an executed step.
 fn step_us(summary: &Value) -> f64 {
     let number = |name: &str| summary[name].as_f64().expect("a number");
     1e6 * number("wall_time_s") / number("steps")
@@ -128,7 +128,7 @@ struct Bench {
     work: bare::Work,
 }
 
-/// A way to wait in a cell, and us a step of its runs.
+/// A wait strategy in a cell, with the times in us of a step in its runs.
 struct Way {
     name: &'static str,
     step_us: Vec<f64>,
@@ -185,7 +185,7 @@ impl Bench {
         ran.iter().map(step_us).sum::<f64>() / ran.len() as f64
     }
 
-    /// Returns the summary of a run to its end, or of what it was until it took too long.
+    /// Returns the summary of a completed run, or of its part until it exceeded the time limit.
     fn run_once(&self, arguments: &[String]) -> Value {
         let folder = TempDir::new().expect("a folder");
         let hil = (self.programs)

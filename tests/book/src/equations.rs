@@ -9,7 +9,7 @@ use pulldown_latex::{Storage, push_mathml};
 /// The text with MathML in place of its equations; code stays as it is.
 ///
 /// # Errors
-/// The equation that cannot be read, and why.
+/// Returns the unreadable equation, and the reason.
 pub(crate) fn as_mathml(text: &str) -> Result<String, String> {
     let options = Options::ENABLE_MATH | Options::ENABLE_TABLES;
     let mut out = String::with_capacity(text.len());
@@ -58,7 +58,7 @@ fn equation(tex: &str, display: bool) -> Result<String, String> {
     Ok(block + "</span>")
 }
 
-/// A formula and the number that `\tag` gives it.
+/// Returns a formula and the number that `\tag` gives it.
 fn numbered(tex: &str) -> (&str, Option<&str>) {
     let Some((formula, tag)) = tex.split_once("\\tag{") else {
         return (tex, None);
@@ -66,7 +66,7 @@ fn numbered(tex: &str) -> (&str, Option<&str>) {
     (formula, tag.split('}').next())
 }
 
-/// With nothing in it that Markdown would read.
+/// Returns the text without characters that Markdown would interpret.
 fn inert(mathml: &str) -> String {
     let mut text = String::with_capacity(mathml.len());
     let mut inside_tag = false;

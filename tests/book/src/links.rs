@@ -1,4 +1,4 @@
-//! Links that leave the pages.
+//! Links that lead out of the pages.
 
 /// Links of a page N folders below `docs` to files outside of it: the built book lies one folder
 /// deeper than `docs`.
@@ -17,7 +17,7 @@ pub(crate) fn to_source(text: &str, depth: usize) -> String {
     out
 }
 
-/// Links of a file at the top of the repository, as if it stood in `docs`.
+/// Rewrites links of a file at the top of the repository, as if the file were in `docs`.
 pub(crate) fn from_top(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for (number, piece) in text.split("](").enumerate() {

@@ -3,9 +3,9 @@
 //!
 //! - Equations between dollars become MathML, which browsers draw without any script.
 //! - Links that leave `docs` lead to the source tree, which the built book, in `target/book`, is in.
-//! - `<!-- include: FILE -->` is replaced by that file, for pages that stand outside of `docs`.
+//! - `<!-- include: FILE -->` is replaced by that file, for pages outside of `docs`.
 //!
-//! It changes nothing else, and needs no network.
+//! Changes nothing else, and needs no network.
 
 mod equations;
 mod links;
@@ -43,7 +43,7 @@ fn preprocess() -> Result<(), String> {
     write!(output, "{book}").map_err(|e| e.to_string())
 }
 
-/// Every chapter below a value, however deep.
+/// Returns every chapter below a value, however deep.
 fn chapters(value: &mut Value, root: &Path) -> Result<(), String> {
     match value {
         Value::Array(values) => values

@@ -1,7 +1,7 @@
 //! Bad input for every reader of the project, for libFuzzer.
 //!
-//! What must hold is in [`targets`], which the workspace's own tests run too; `fuzz_targets` hands it
-//! to libFuzzer. `docs/fuzzing.md` says how to run it.
+//! The checked properties are in [`targets`], which the workspace's own tests also run; `fuzz_targets` passes them to
+//! libFuzzer. `docs/fuzzing.md` describes how to run them.
 
 #![forbid(unsafe_code)]
 

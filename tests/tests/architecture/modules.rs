@@ -185,8 +185,8 @@ struct Arrow {
 /// Returns the first circle among the parts of one module, as its paths.
 ///
 /// A module and the parts in its folder are one subject: a part may name its parent, as the parent names its parts.
-/// What is compared are the parts of one parent, each with all that is below it, at every level: whoever reads one of them
-/// needs none that needs it. A `use super::Name` counts as an arrow to the part that the parent has the name from.
+/// The compared parts are those of one parent, each with everything below it, at every level: a reader of one part needs
+/// no part that in turn needs it. A `use super::Name` counts as an arrow to the part from which the parent has the name.
 fn circle(arrows: &[Arrow]) -> Option<Vec<String>> {
     let mut levels: BTreeMap<&[String], BTreeMap<&str, BTreeMap<&str, &Arrow>>> = BTreeMap::new();
     for arrow in arrows {

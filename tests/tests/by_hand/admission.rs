@@ -93,7 +93,7 @@ fn no_other_process_is_admitted() {
         (
             "another program with the right token",
             entry(&token, own),
-            "was checked: start that, or name yours with --controller-bin",
+            ": start that program, or name yours with --controller-bin",
         ),
     ] {
         let answer = asked(&folder, &line);
@@ -216,7 +216,7 @@ fn contradictory_options_are_refused_by_name() {
         ),
         (
             format!("{SCENARIO} --plant external --target me@board"),
-            "--plant external is for a side on this machine",
+            "--plant external works only for a side on this machine",
         ),
         (
             format!("{SCENARIO} {other} --controller external"),
@@ -236,7 +236,7 @@ fn contradictory_options_are_refused_by_name() {
         ),
         (
             script,
-            "is a script, which cannot be identified by its interpreter's process",
+            "is a script, whose process is its interpreter and so cannot be identified",
         ),
     ] {
         rig.run(&arguments).expect(2).says(&[expected]);

@@ -49,7 +49,7 @@ fn an_interrupted_run_ends_a_stopped_side() {
 fn each_end_of_a_side_started_by_hand_is_named() {
     let program = misbehaving_controller();
     let path = program.display();
-    let silent = "controller, started by hand, ended without reporting why";
+    let silent = "controller, which was started by hand, ended without reporting why";
     for (law, expected) in [("panics", "controller panicked"), ("leaves", silent)] {
         let rig = Rig::new();
         let scenario = format!(
@@ -76,7 +76,7 @@ fn each_end_of_a_side_started_by_hand_is_named() {
         send(hand.pid(), Signal::KILL);
         let run = running.finish().expect(3);
         let reason = run.summary()["reason"].to_string();
-        let expected = format!("{side}, started by hand, ended without reporting why");
+        let expected = format!("{side}, which was started by hand, ended without reporting why");
         assert!(reason.contains(&expected), "{reason}");
     }
 }

@@ -181,10 +181,10 @@ fn the_cases_of_a_damaged_shard_are_not_published() {
         Some(60)
     );
     assert_ne!(*missing, 0, "{after}");
-    assert_eq!(after["shards_damaged"]["1"], "its check sum does not match");
+    assert_eq!(after["shards_damaged"]["1"], "its checksum does not match");
     campaign(&rig, &["status", text(&folder)])
         .expect(3)
-        .prints(&["shard 1: its check sum does not match", "hil campaign run"]);
+        .prints(&["shard 1: its checksum does not match", "hil campaign run"]);
     campaign(&rig, &["run", text(&folder)]).expect(0);
     assert_eq!(status().expect(0).json()["published"], 60);
 }

@@ -142,7 +142,7 @@ fn integer_keys_vary_by_integer_distributions() {
     let path = study(&rig, &of(""));
     campaign(&rig, &["check", text(&path)]).expect(2).says(&[
         "plant.substeps",
-        "`whole = true` in its [[vary]] gives whole numbers",
+        "set `whole = true` in its [[vary]] to draw whole numbers",
     ]);
     let folder = planned(&rig, &study(&rig, &of("whole = true\n")), "whole");
     campaign(&rig, &["run", text(&folder)]).expect(0);

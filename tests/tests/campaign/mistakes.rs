@@ -93,7 +93,7 @@ fn a_variation_that_changes_nothing_is_refused() {
     let path = study(&rig, &idle);
     campaign(&rig, &["check", text(&path)])
         .expect(2)
-        .says(&["`controller.pid.proportional_n_per_m` changes nothing in the scenario that runs"]);
+        .says(&["`controller.pid.proportional_n_per_m` has no effect in the scenario that runs"]);
 }
 
 #[test]

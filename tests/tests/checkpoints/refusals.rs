@@ -16,8 +16,8 @@ fn contradictions_with_the_past_are_refused_and_named() {
         ))
         .expect(0);
     for (change, expected) in [
-        ("run.rate_hz=20000", "run.rate_hz was 10000 and must stay"),
-        ("run.seed=2", "run.seed was 1 and must stay"),
+        ("run.rate_hz=20000", "run.rate_hz must stay 10000"),
+        ("run.seed=2", "run.seed must stay 1"),
         (
             "run.duration_s=1.02",
             "run.duration_s ends the run at step 10200",

@@ -16,7 +16,7 @@ const SMALL: &str = "schema = 1\nname = \"small\"\n[run]\nduration_s = 60.0\nrat
     [plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"pid\"\n\
     [[stimuli]]\ntarget = \"position_m\"\nkind = \"sine\"\namplitude = 0.01\nfrequency_hz = 0.5\n";
 
-/// Wait limit in s for one that is stopped.
+/// Wait limit in s for a stopped process.
 const WAIT_LIMIT_S: f64 = 0.3;
 const CLOCKS: [&str; 3] = ["lockstep", "paced", "realtime"];
 const VICTIMS: [&str; 3] = ["plant", "controller", "hil"];

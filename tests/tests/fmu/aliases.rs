@@ -259,7 +259,8 @@ fn a_start_value_changed_by_the_fmu_is_reported_and_the_run_continues() {
         let other = "-DKEPT(value)=((value) + 5)";
         place.fmu("plant.fmu", &accumulator(version, &rows, &[other]));
         let run = place.run(&text, "").expect(0);
-        let warning = "parameter `k` starts at 0 by the FMU's own description, and the FMU has 5";
+        let warning =
+            "parameter `k` starts at 0 according to the FMU's own description, but the FMU has 5";
         assert!(run.stderr.contains(warning), "{}", run.stderr);
         // A value set by the user is treated differently.
         let chosen = format!("{text}[plant.parameters]\nk = 1\n");
@@ -275,7 +276,7 @@ fn an_unreadable_parameter_is_not_confirmed_and_the_run_continues() {
     let run = place.run(&text, "").expect(0);
     let log = std::fs::read_to_string(run.folder.join("plant.log")).expect("a log");
     for name in ["gain_n_per_m", "trouble"] {
-        let line = format!("parameter `{name}` is not confirmed");
+        let line = format!("parameter `{name}` is unconfirmed");
         assert_eq!(log.matches(&line).count(), 1, "{log}");
     }
 }

@@ -1,4 +1,4 @@
-//! Start keys of an FMU that is the controller: in a run, in what goes on from it, and where another FMU takes over.
+//! Start keys of an FMU as the controller: in a run, in its continuations, and in a run with another FMU.
 
 use super::Place;
 use super::aliases::{accumulator, row};

@@ -117,7 +117,7 @@ fn a_model_with_a_host_program_cannot_be_started_by_hand() {
             let run = place.run(&text, &format!("--{side} external"));
             let named = place.rig.path(name).display().to_string();
             let expected = format!(
-                "--{side} external: {named} is a model run by another program; name a program"
+                "--{side} external: {named} is a model, which another program runs; name a program instead"
             );
             let run = run.expect(2).says(&[&expected]);
             assert!(!run.folder.exists(), "nothing was started");
@@ -135,5 +135,5 @@ fn an_fmu_cannot_be_a_controller_on_a_target() {
     let arguments = format!("{} --target me@board", path.display());
     let run = place.rig.start_with(board.hil(), &arguments).finish();
     run.expect(2)
-        .says(&["an FMU runs on this machine, not on me@board"]);
+        .says(&["an FMU can run only on this machine, not on me@board"]);
 }

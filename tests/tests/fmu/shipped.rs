@@ -260,7 +260,7 @@ fn an_enumeration_accepts_its_items_and_no_number_between_them() {
         if code == 0 {
             assert_eq!(last(&run, "truth.y"), f64::from(item));
         } else {
-            run.says(&["not an item of its enumeration; the items are 1, 2, 5"]);
+            run.says(&["not an item of its enumeration; use one of 1, 2, 5"]);
         }
     }
     for (item, code) in [(1, 0), (5, 0), (3, 2), (4, 2)] {

@@ -89,14 +89,14 @@ fn a_fault_on_an_unreadable_parameter_is_reported_as_unconfirmed() {
             "stubborn.fmu",
             &stubborn(version, false, &["-DUNREADABLE=3"]),
         );
-        let warning = "plant: warning: parameter `p` was changed, and the change is not confirmed: the FMU does not let it be read";
+        let warning = "plant: warning: parameter `p` was changed, but the change is unconfirmed, because the FMU does not let it be read";
         let run = biased(&place, "p").expect(0);
         assert_eq!(run.stderr.matches(warning).count(), 1, "{}", run.stderr);
         let effect = &run.summary()["faults"][0]["effects"][0];
         assert_eq!(effect["unconfirmed"], true, "{effect}");
         run.prints(&["parameter.p 2 (not confirmed)"]);
         let run = biased(&place, "q").expect(0);
-        assert!(!run.stderr.contains("not confirmed"), "{}", run.stderr);
+        assert!(!run.stderr.contains("unconfirmed"), "{}", run.stderr);
         let effect = &run.summary()["faults"][0]["effects"][0];
         assert_eq!(effect.get("unconfirmed"), None, "{effect}");
     }

@@ -100,7 +100,7 @@ impl Recording {
         f64::from_bits(record.words[self.place(column)])
     }
 
-    /// Computes the digest by its definition: for each record in order the fault events that take hold at its step,
+    /// Computes the digest by its definition: for each record in order the fault events that take effect at its step,
     /// each as its length and its text, then the words up to the last internal signal, little-endian. A fault that
     /// only costs time does not count.
     pub(crate) fn digest(&self, mut change: impl FnMut(&mut Record)) -> String {

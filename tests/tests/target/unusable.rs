@@ -36,7 +36,7 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
         (device, "it has no /dev/shm"),
         (
             "mount -t tmpfs -o size=64k none /dev/shm",
-            "/dev/shm has only 0 MiB free, and a run needs 8 at least",
+            "/dev/shm has only 0 MiB free, and a run needs at least 8",
         ),
         (
             "mount -t tmpfs -o ro none /dev/shm",

@@ -112,7 +112,7 @@ fn frames_use_the_connection_while_a_firewall_blocks_datagrams() {
     hosts.order("block");
     let running = rig.start_with(hosts.hil(), &held);
     rig.until_held_at(400);
-    log_until(running.folder(), "no datagram gets through");
+    log_until(running.folder(), "no datagrams get through");
     hosts.order("mend");
     rig.in_session("resume").expect(0);
     let run = running.finish().expect(0);
@@ -239,7 +239,7 @@ fn a_cut_is_survived_or_named_and_leaves_the_board_clean() {
     );
     hosts.order("cut");
     rig.in_session("resume").expect(0);
-    log_until(running.folder(), "no datagram gets through");
+    log_until(running.folder(), "no datagrams get through");
     hosts.order("mend");
     let summary = running.finish().expect(0).summary();
     assert_eq!(summary["digest"], here["digest"]);

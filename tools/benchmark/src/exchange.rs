@@ -72,7 +72,7 @@ pub struct NoAnswer {
     pub trip: u64,
 }
 
-/// Repeatedly sends a payload and waits for the answer; returns the durations of the counted round trips. Each
+/// Repeatedly sends a payload and waits for the answer; returns the durations of the counted round trips, each of which
 /// includes one reading of the clock.
 ///
 /// # Errors
@@ -142,7 +142,7 @@ mod tests {
 
     #[test]
     fn a_payload_has_the_size_of_the_frame_for_its_signals() {
-        // Check sum, 11 header words, one validity word per 64 values, and the values.
+        // Checksum, 11 header words, one validity word per 64 values, and the values.
         for (signals, words) in [
             (1, 12 + 1 + 16),
             (16, 12 + 1 + 16),

@@ -5,7 +5,7 @@
 //!
 //! 1. [`measurement`] runs a [null] plant and law through the real engine, link and runner. The plant is a thread of
 //!    this process; the controller is a [`peer`], a second `hil` process.
-//! 2. Between the same two sides it measures the [`raw`] limit of shared memory and the bare
+//! 2. Between the same two sides, the measurement also determines the [`raw`] limit of shared memory and the bare
 //!    [blackboard](hil_session::link::bare), an [`exchange`] of payloads as large as the loop's frames.
 //! 3. The [`report`] puts all cases side by side, with the bars of one of them.
 //!
@@ -67,7 +67,7 @@ fn check_folder_of(file: &Path) -> Result<(), Failure> {
     match absolute.parent() {
         Some(folder) if folder.is_dir() && !file.is_dir() => Ok(()),
         _ => Err(Failure::usage(format!(
-            "{} cannot be written: its folder does not exist, or it is itself a folder",
+            "cannot write {}: its folder does not exist, or it is itself a folder",
             file.display()
         ))),
     }

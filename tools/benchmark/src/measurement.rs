@@ -1,7 +1,7 @@
 //! Measures the loop, the bare exchange and the raw limit for each payload and rate.
 //!
-//! Measurements run one after the other. During an exchange only one thread of this process, the plant's, is active;
-//! nothing observes or records.
+//! Measurements run one after another. During an exchange only the plant's thread of this process is active; nothing
+//! observes or records.
 
 use controller_process::job::JOB_FILE;
 use hil_config::plan::Realtime;
@@ -59,7 +59,7 @@ pub struct Looped {
     pub latency: Latency,
     /// Both directions of the round trip; `None` for a law that does not report when it was called.
     pub ways: Option<Ways>,
-    /// Times of the first and the last step, taken when the command arrived or the step continued without one.
+    /// Times of the first and the last step: when the command arrived, or when the step continued without a command.
     pub span_ns: Option<(u64, u64)>,
     /// Real-time settings of both sides; `None` for a recorded run.
     pub sides: Option<Sides>,

@@ -1,7 +1,7 @@
 //! Null plant and law, which do nothing, so that only the cost of engine, link and runner remains.
 //!
-//! The law can expose a single value, the time of its call, by the clock that both processes share. That
-//! splits the round trip into its way there and its way back. No other law reads a clock.
+//! The law can expose a single value, the time of its call, by the clock that both processes share. This value splits
+//! the round trip into the way there and the way back. No other law reads a clock.
 
 use controller_process::controller::{Law, LawKind, Row};
 use hil_config::plan::{Clock, PlantPlan, Realtime, Run};
@@ -112,12 +112,12 @@ pub fn law(name: &str, signals: usize, commands: usize, tells_time: bool) -> Law
     }
 }
 
-/// The plant of a measurement.
+/// Returns the plant of a measurement.
 pub(crate) fn measured_plant(signals: usize) -> PlantKind {
     plant(NAME, signals, answered_with(signals) - 1)
 }
 
-/// The law of a measurement.
+/// Returns the law of a measurement.
 pub(crate) fn measured_law(signals: usize) -> LawKind {
     law(NAME, signals, answered_with(signals) - 1, true)
 }
@@ -130,7 +130,8 @@ pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     layout.values_start() + before + 2 * layout.command.len()
 }
 
-/// Creates the jobs of both sides for a plant and a law by name, at the monotonic clock's pace or at maximum speed.
+/// Creates the jobs of both sides for a plant and a law by name, at the pace of the monotonic clock or at maximum
+/// speed.
 #[must_use]
 pub fn jobs(
     session: &SessionInfo,

@@ -1,7 +1,7 @@
 //! The peer process: a second `hil`, as the controller of a measurement.
 //!
-//! Started by a hidden command in its own process group, so that Ctrl-C reaches only the measuring `hil`. It
-//! ends when its standard input is closed.
+//! Started by a hidden command in its own process group, so that Ctrl-C reaches only the measuring `hil`. The peer ends
+//! when its standard input is closed.
 
 use std::io::Read;
 use std::os::unix::process::CommandExt;
@@ -35,7 +35,7 @@ const GRACE: Duration = Duration::from_secs(2);
 /// Handle of the peer process.
 pub(super) struct Peer {
     process: Child,
-    /// Kept open: closing it ends the process.
+    /// Kept open, because closing the input ends the process.
     input: Option<ChildStdin>,
     output_thread: Option<JoinHandle<String>>,
 }

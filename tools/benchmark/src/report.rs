@@ -66,7 +66,7 @@ struct Figures {
     /// Sizes of the sample and command frames, in bytes.
     frame_bytes: Option<[usize; 2]>,
     round_trip_ns: Percentiles,
-    /// Time from sending a sample to the call of the law; null for a recording, since only the null law reports its
+    /// Time from sending a sample to the call of the law; null for a recording, because only the null law reports its
     /// call.
     sample_ns: Option<Percentiles>,
     command_ns: Option<Percentiles>,
@@ -330,8 +330,8 @@ impl Report {
     }
 }
 
-/// Returns the cores that both sides may use: the pinned core of a pinned side, all cores of this process for
-/// another. `None` if the sides ran elsewhere and one was not pinned.
+/// Returns the cores that both sides may use: its core for a pinned side, and all cores of this process otherwise.
+/// `None` if the sides ran elsewhere and one of them was not pinned.
 fn cores(sides: &Sides, ran_here: bool) -> Option<Vec<usize>> {
     let allowed = sched_getaffinity(None).unwrap_or_default();
     let pinned = [sides.plant.core.granted, sides.controller.core.granted];

@@ -75,7 +75,7 @@ fn is_valid(successes: u64, trials: u64, confidence: f64) -> bool {
 
 /// Solves `P(X >= k) = risk` for `p`; returns `p` and `1 - p`.
 ///
-/// Both are returned because computing a small one as the difference of the other from 1 would lose its digits.
+/// Both are returned because computing the smaller one as a difference from 1 would lose its digits.
 fn lowest(k: u64, n: u64, risk: f64) -> [f64; 2] {
     if k == 0 {
         return [0.0, 1.0];

@@ -2,8 +2,8 @@
 //! other consumers.
 //!
 //! The digest is BLAKE3 over the cells of all rows in the order of cases, with each cell encoded by
-//! [`Values::feed`](crate::table::Values::feed). It is the same for any number of cores, for any engine and after
-//! interruptions, and does not depend on the file format.
+//! [`Values::feed`](crate::table::Values::feed). The digest is the same for any number of cores, for any engine and
+//! after interruptions, and does not depend on the file format.
 
 use std::io::{self, Write};
 use std::num::NonZero;
@@ -31,8 +31,8 @@ pub struct Collected {
     pub lost: Vec<u64>,
 }
 
-/// Reads the parts in the order of cases and passes each to `take`, without changing the folder. Up to one part per
-/// core is read, checked and unpacked at a time, and as many finished parts wait.
+/// Reads the parts in the order of cases and passes each to `take`, without changing the folder. At any time, up to one
+/// part per core is read, checked and unpacked, and as many finished parts wait.
 ///
 /// # Errors
 /// If a part cannot be read, or if the consumer fails.
@@ -97,8 +97,8 @@ pub fn pass(
     Ok(collected)
 }
 
-/// Joins all parts: writes the results to one table and the circumstances to another, and passes each part on. Does
-/// not change the folder. Both tables still have to be [sealed](crate::table::sealed::seal).
+/// Joins all parts: writes the results to one table and the circumstances to another, and passes each part on. Does not
+/// change the folder. Both tables still have to be [sealed](crate::table::sealed::seal).
 ///
 /// # Errors
 /// If a table cannot be written or a part cannot be read.
@@ -127,7 +127,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
     Ok((collected, results, circumstances))
 }
 
-/// Joins the curves of all shards that have a result; also counts the shards whose curves are missing.
+/// Joins the curves of all shards with a result; also counts the shards whose curves are missing.
 ///
 /// # Errors
 /// If a file cannot be read.

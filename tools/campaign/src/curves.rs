@@ -1,7 +1,7 @@
 //! Curves of many cases, which serve only for plots.
 //!
 //! A shard stores the envelope of its cases, the curves of a sample of draws, and those of the worst cases. Rows,
-//! digest and comparisons do not depend on them: a shard whose curves are lost still has its result.
+//! digest and comparisons do not depend on curves: a shard whose curves are lost still has its result.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -23,7 +23,7 @@ const DIVERGED: &str = "diverged";
 /// Prefix of the names of margin columns.
 const MARGIN: &str = "robustness.";
 
-/// Case with the least margin.
+/// Case with the smallest margin.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Worst {
     /// Name of the variant.
@@ -50,7 +50,7 @@ pub struct Origin {
 /// Curves of one or more shards.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Curves {
-    /// Least and greatest values of all cases of each variant.
+    /// Minimum and maximum values of all cases of each variant.
     pub envelopes: BTreeMap<String, Curve>,
     /// Curves of the sampled draws, by case.
     pub sampled: BTreeMap<u64, Curve>,
@@ -63,7 +63,7 @@ pub struct Curves {
 
 impl Curves {
     /// Adds the curve of a case, given its row; returns `true` if the curves changed, so that the curve must be
-    /// journaled. Ignores cases that diverged or have no result: a single one would hide all others.
+    /// journaled. Ignores cases that diverged or have no result, because a single such case would hide all others.
     pub(crate) fn take(&mut self, manifest: &Manifest, row: &Row, curve: &Curve) -> bool {
         let Some(grid) = manifest.curves.as_ref().filter(|grid| curve.fits(grid)) else {
             return false;
@@ -118,7 +118,7 @@ impl Curves {
         }
     }
 
-    /// Retains a case if it is worse than the current worst one; of equal ones the first.
+    /// Retains a case if it is worse than the current worst case; of equal cases, the first is kept.
     fn worse(&mut self, new: Worst) -> bool {
         let is_of = |current: &&mut Worst| {
             (&current.variant, &current.requirement) == (&new.variant, &new.requirement)

@@ -309,8 +309,8 @@ fn value(spread: &Spread, u: f64) -> f64 {
     }
 }
 
-/// Returns the integer of a distribution at the probability `u`: all integers of a uniform one have the same share of
-/// the probabilities; values of others are rounded.
+/// Returns the integer of a distribution at the probability `u`: all integers of a uniform distribution have the same
+/// share of the probabilities; values of other distributions are rounded.
 fn whole(spread: &Spread, u: f64) -> f64 {
     match *spread {
         Spread::Uniform { min, max } => {

@@ -85,7 +85,7 @@ impl Folder {
         &self.manifest
     }
 
-    /// Returns `true` if the manifest has a check sum, so that the campaign's identity can be relied on.
+    /// Returns `true` if the manifest has a checksum, so that the campaign's identity can be relied on.
     #[must_use]
     pub const fn is_sealed(&self) -> bool {
         self.is_sealed
@@ -97,7 +97,7 @@ impl Folder {
         &self.id
     }
 
-    /// Returns `true` if `id` identifies this campaign or one that it grew from, so that its results are valid here.
+    /// Returns `true` if `id` identifies this campaign or one from which it grew, so that its results are valid here.
     #[must_use]
     pub fn has_results_of(&self, id: &str) -> bool {
         self.id == id || self.manifest.grown.iter().any(|stage| stage.id == id)
@@ -139,7 +139,7 @@ impl Folder {
     /// Records a conflict.
     ///
     /// # Errors
-    /// If the output cannot be written.
+    /// If the conflict cannot be written.
     pub fn note(&self, conflict: &Conflict) -> io::Result<()> {
         let folder = self.path.join(CONFLICTS);
         fs::create_dir_all(&folder)?;

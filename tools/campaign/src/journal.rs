@@ -88,7 +88,7 @@ pub(crate) struct JournalContent {
     pub(crate) is_dead: bool,
     pub(crate) started: Vec<u64>,
     pub(crate) rows: BTreeMap<u64, (Row, Circumstances)>,
-    /// Curves of the cases that need one retained.
+    /// Curves of the cases whose curve must be retained.
     pub(crate) curves: BTreeMap<u64, Curve>,
 }
 
@@ -145,7 +145,7 @@ impl Journal {
         self.write(&Line::Left(case))
     }
 
-    /// Records the row of a case, and its curve if that must be retained. The entry is synced to disk soon, and at
+    /// Records the row of a case, and its curve if the curve must be retained. The entry is synced to disk soon, and at
     /// once after a long case.
     ///
     /// # Errors
@@ -230,12 +230,12 @@ fn sum(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex()[..16].to_owned()
 }
 
-/// Formats the end of a line: its check sum.
+/// Formats the end of a line: its checksum.
 pub(crate) fn sealed(json: &str) -> String {
     format!(" {}\n", sum(json))
 }
 
-/// Verifies and strips the check sum of a line; `None` if the line is incomplete or damaged.
+/// Verifies and strips the checksum of a line; `None` if the line is incomplete or damaged.
 pub(crate) fn unsealed(line: &str) -> Option<&str> {
     let (json, sum_text) = line.strip_suffix('\n')?.rsplit_once(' ')?;
     (sum_text == sum(json)).then_some(json)
@@ -261,7 +261,7 @@ pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Reads a journal of this campaign up to the first invalid line; `None` if it is gone or belongs to another
+/// Reads a journal of this campaign up to the first invalid line; `None` if the journal is gone or belongs to another
 /// campaign.
 pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<JournalContent>> {
     let mut file = match File::open(path) {

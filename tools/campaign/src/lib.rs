@@ -9,7 +9,7 @@
 //!    the journal of its attempt, and publishes the finished shard once. The first result counts; a later one is
 //!    compared with it.
 //! 4. [`collect`] joins the published parts into one [table] and computes the campaign's digest.
-//! 5. [`curves`] over time are stored beside the table and used only for the plots of the report.
+//! 5. [`curves`] over time are stored next to the table and used only for the plots of the report.
 //! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation
 //!    and [`mcnemar`]'s test.
 //! 7. [`command`] implements the verb `hil campaign` on top of these; only this module knows scenarios, programs and

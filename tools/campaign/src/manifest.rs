@@ -4,7 +4,7 @@
 //! it contains no times, hosts or engines.
 //!
 //! The key `blake3` holds the hash of the whole file, computed with zeros in place of its digits: with a damaged
-//! manifest a campaign would mistake its own results for those of another one. Manifests of earlier versions lack the
+//! manifest a campaign would mistake its own results for those of another campaign. Manifests of earlier versions lack the
 //! key.
 
 use std::collections::BTreeMap;
@@ -35,7 +35,7 @@ pub struct Copied {
 /// Earlier extent of a campaign that grew.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stage {
-    /// Identity of the campaign at this stage, which the parts written then carry.
+    /// Identity of the campaign at this stage, carried by the parts written at that time.
     pub id: String,
     /// Number of cases up to and including this stage.
     pub cases: u64,
@@ -54,14 +54,14 @@ pub struct Manifest {
     pub cases: u64,
     /// Number of cases per shard, of the last growth if the campaign grew; the last shard may have fewer.
     pub shard_cases: u64,
-    /// Earlier extents, oldest first; their shards stay as they are.
+    /// Earlier extents, oldest first; their shards remain unchanged.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub grown: Vec<Stage>,
     /// The study.
     pub study: Copied,
     /// The scenario.
     pub scenario: Copied,
-    /// Copies of the point tables that the scenario and the study refer to, by the names used there.
+    /// Copies of the point tables to which the scenario and the study refer, by the names used there.
     pub tables: BTreeMap<String, Copied>,
     /// Copy of `hil`, which runs the cases.
     pub hil: Copied,
@@ -70,7 +70,7 @@ pub struct Manifest {
     /// Controller program; `None` for a law that is built into `hil`.
     pub controller: Option<Copied>,
     /// Plant and controller programs that can run a case of built-in plant and law in two processes; `None` if they
-    /// were not beside `hil`. They never compute rows of the campaign.
+    /// were not next to `hil`. They never compute rows of the campaign.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pair: Option<[Copied; 2]>,
     /// Columns of the table of results.
@@ -82,7 +82,7 @@ pub struct Manifest {
     pub case_s: f64,
 }
 
-/// Manifest with its check sum, as stored in the file.
+/// Manifest with its checksum, as stored in the file.
 #[derive(Serialize)]
 struct Sealed<'a> {
     #[serde(flatten)]
@@ -90,13 +90,13 @@ struct Sealed<'a> {
     blake3: &'a str,
 }
 
-/// Check sum of a manifest file.
+/// Checksum of a manifest file.
 #[derive(Deserialize)]
 struct Seal {
     blake3: Option<String>,
 }
 
-/// Placeholder for the check sum while it is computed.
+/// Placeholder for the checksum while it is computed.
 const NO_SUM: &str = "0000000000000000000000000000000000000000000000000000000000000000";
 
 /// Error of reading a manifest.
@@ -108,9 +108,9 @@ pub enum ManifestError {
     /// The file cannot be parsed.
     #[error("{0}/{MANIFEST} is invalid: {1}")]
     Broken(String, serde_json::Error),
-    /// The check sum does not match the content.
+    /// The checksum does not match the content.
     #[error(
-        "{0}/{MANIFEST} is damaged: its check sum does not match its content; no result was changed; restore the file"
+        "{0}/{MANIFEST} is damaged: its checksum does not match its content; no result was changed; restore the file"
     )]
     Damaged(String),
     /// The format version is not supported.
@@ -127,10 +127,10 @@ impl Manifest {
         Self::read_sealed(folder).map(|(manifest, _)| manifest)
     }
 
-    /// Reads the manifest of a folder; also returns `true` if it has a check sum, which then matches.
+    /// Reads the manifest of a folder; also returns `true` if the manifest has a checksum, which then matches.
     ///
     /// # Errors
-    /// If the file is missing or invalid, or its check sum does not match.
+    /// If the file is missing or invalid, or its checksum does not match.
     pub fn read_sealed(folder: &Path) -> Result<(Self, bool), ManifestError> {
         let folder_text = || folder.display().to_string();
         let text = std::fs::read(folder.join(MANIFEST))
@@ -156,10 +156,10 @@ impl Manifest {
         Ok((manifest, sum.is_some()))
     }
 
-    /// Formats the manifest as the text of the file, with its check sum.
+    /// Formats the manifest as the text of the file, with its checksum.
     ///
     /// # Errors
-    /// If it cannot be serialised.
+    /// If the manifest cannot be serialised.
     pub fn sealed_text(&self) -> serde_json::Result<String> {
         let text = |blake3| {
             serde_json::to_string_pretty(&Sealed {

@@ -1,7 +1,7 @@
 //! The normal distribution.
 //!
-//! The sampler uses these functions to turn a probability into a value; the intervals of the report use them as well.
-//! They draw no random numbers.
+//! The sampler uses these functions to convert a probability into a value, and the intervals of the report use them as
+//! well. They draw no random numbers.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 

@@ -1,7 +1,7 @@
 //! Quantiles of a sample, and confidence bounds for the quantiles of its distribution.
 //!
-//! The report calls both functions for every result of a campaign. They assume no distribution and accept infinite
-//! values.
+//! The report calls both functions for every result of a campaign. The functions assume no distribution and accept
+//! infinite values.
 
 use crate::tail::at_least;
 

@@ -1,8 +1,8 @@
 //! Shards: blocks of consecutive cases that one worker computes and publishes as a whole.
 //!
 //! A claim only avoids duplicate work: if two workers compute the same shard, the first to link its result publishes
-//! it. The rows of the other are compared with it, so that a double execution, which no engine rules out, becomes a
-//! check of repeatability.
+//! it. The rows of the other are compared with that result, so that a double execution, which no engine rules out,
+//! becomes a check of repeatability.
 
 pub mod attempt;
 pub mod part;
@@ -43,7 +43,7 @@ pub fn missing(folder: &Folder) -> Vec<u64> {
         .collect()
 }
 
-/// Claim on a shard, held until it is dropped or its process ends.
+/// Claim on a shard, held until the value is dropped or its process ends.
 pub struct Claim(#[expect(dead_code, reason = "never read: holds the lock")] File);
 
 /// Error of reading a part.
@@ -171,8 +171,8 @@ impl<'a> Shard<'a> {
         Curves::read(&self.path(), self.folder, self.number, grid)
     }
 
-    /// Removes the files that dead workers left beside the result. Rows among them are compared with the result
-    /// first, and a difference is recorded, because a worker may have died before its own comparison.
+    /// Removes the files that dead workers left next to the result. Rows in these files are first compared with the
+    /// result, and a difference is recorded, because a worker may have died before its own comparison.
     ///
     /// # Errors
     /// If the folder cannot be read, a difference cannot be recorded, or the result is invalid.

@@ -1,7 +1,7 @@
 //! Points of the Sobol' sequence, each computed directly from its index.
 //!
-//! The sampler calls [`point`] once for each run and parameter. Points are independent of each other, so that any run
-//! can be repeated alone. The points are neither scrambled nor shifted.
+//! The sampler calls [`point`] once for each run and parameter. Points are independent of each other, so any run can be
+//! repeated alone. The points are neither scrambled nor shifted.
 
 /// Number of dimensions that have direction numbers.
 pub(crate) const MOST_DIMENSIONS: usize = 64;

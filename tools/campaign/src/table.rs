@@ -49,7 +49,7 @@ pub struct Column {
 }
 
 impl Column {
-    /// Makes a column without a unit.
+    /// Creates a column without a unit.
     #[must_use]
     pub fn new(name: &str, kind: ColumnKind) -> Self {
         Self {
@@ -66,7 +66,7 @@ pub enum TableError {
     /// An I/O operation failed.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// The file is not a table, or not the expected one.
+    /// The file is not a table, or not the expected table.
     #[error("{0}")]
     Other(String),
 }

@@ -1,5 +1,5 @@
-//! Terminal input and output, and atomically written files. Nearly every package of `hil` uses it; it runs nothing
-//! and judges nothing.
+//! Terminal input and output, and atomically written files. Used by nearly every package of `hil`; runs nothing and
+//! judges nothing.
 //!
 //! | Module | Content |
 //! |---|---|

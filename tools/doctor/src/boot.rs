@@ -8,7 +8,7 @@ use super::tree::Tree;
 pub(crate) fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> {
     /// File with the kernel arguments of a Raspberry Pi, in a single line.
     const FIRMWARE: &str = "boot/firmware/cmdline.txt";
-    /// Left to the user: a pasted command must not reboot the machine.
+    /// Reboot is left to the user: a pasted command must not reboot the machine.
     const REBOOT: &str = "# then reboot";
     if tree.has("usr/sbin/grubby") || tree.has("sbin/grubby") {
         return Some(format!(

@@ -112,7 +112,7 @@ pub struct Cores {
     pub online: CoreList,
     /// Cores that this process may use.
     pub allowed: CoreList,
-    /// Cores that plant and controller would spin on: two, or one on a single-core machine.
+    /// Cores on which plant and controller would spin: two, or one on a single-core machine.
     pub chosen: CoreList,
 }
 
@@ -189,7 +189,7 @@ fn by_default(tree: &dyn Tree, online: &CoreList, allowed: &CoreList) -> CoreLis
     [Some(last), second].into_iter().flatten().collect()
 }
 
-/// Returns the threads of the physical core of this one, itself included.
+/// Returns the threads of the physical core of this one, including itself.
 fn siblings(tree: &dyn Tree, core: u32) -> Result<CoreList, Unread> {
     let path = format!("sys/devices/system/cpu/cpu{core}/topology/thread_siblings_list");
     tree.read(&path).map(|text| CoreList::parse(&text))

@@ -185,7 +185,7 @@ fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
     (stolen, all)
 }
 
-/// Checks the device interrupts on the chosen cores: those counted and those routed there.
+/// Checks the device interrupts on the chosen cores: those counted there and those routed there.
 #[must_use]
 pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let rates = known!(INTERRUPTS, interval.interrupts_hz(&cores.chosen));
@@ -218,7 +218,7 @@ pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) ->
     ))
 }
 
-/// Returns the cores that an interrupt is routed to.
+/// Returns the cores to which an interrupt is routed.
 fn aim(tree: &dyn Tree, number: &str) -> CoreList {
     let read = |file| tree.read(&format!("proc/irq/{number}/{file}"));
     let effective = read("effective_affinity_list").map(|list| CoreList::parse(&list));

@@ -13,7 +13,7 @@ const CLOCK_SOURCE: Check = Check::new(
     "a clock outside the processor is slow to read and coarse",
 );
 
-/// Preemption model that a kernel was built with, according to `/proc/version`.
+/// Preemption model with which a kernel was built, according to `/proc/version`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Build {
     RealTime,

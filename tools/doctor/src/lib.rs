@@ -1,12 +1,12 @@
-//! `hil doctor`: checks the fitness of this machine for claims about timing, and suggests changes. It changes nothing
-//! and runs no scenario.
+//! `hil doctor`: checks the fitness of this machine for claims about timing, and suggests changes. The doctor changes
+//! nothing and runs no scenario.
 //!
 //! 1. [`cores`] chooses the two cores that are checked.
 //! 2. The checks read kernel files through a [`tree`]: [`cores`], [`isolation`], [`kernel`], [`throttling`],
 //!    [`power`], [`rights`], [`memory`], [`activity`], [`host`], [`interrupts`].
-//! 3. [`measure`] measures what no file contains: wake-ups, exchanges, holes.
-//! 4. Each check gives one [`finding`]: a grade, and the command that remedies the problem ([`boot`] knows those for
-//!    the kernel's command line). A file that cannot be read makes the grade unknown; nothing is guessed.
+//! 3. [`measure`] measures what no file contains: wake-ups, exchanges, gaps.
+//! 4. Each check gives one [`finding`]: a grade, and the command that remedies the problem ([`boot`] has the commands
+//!    for the kernel's command line). A file that cannot be read makes the grade unknown; nothing is guessed.
 //! 5. The [`report`] presents the findings and the conclusion.
 //!
 //! `hil run` stores [`facts`] in its recordings.
@@ -190,7 +190,7 @@ impl Measurement<'_> {
     fn undisturbed(&self) -> Result<Vec<Finding>, Failure> {
         let (seconds, class) = (self.seconds, self.class);
         let core = self.first_core()?;
-        self.announce(&format!("company on cores {}", self.cores.chosen));
+        self.announce(&format!("contention on cores {}", self.cores.chosen));
         let company = company::measure(&Root::machine(), &self.cores.chosen, seconds);
         self.announce(&format!("wake-ups on core {core}"));
         let wake_ups = wake_up::measure(core, seconds).map_err(|e| self.unusable(&e))?;
@@ -208,7 +208,7 @@ impl Measurement<'_> {
 
         let mut holes = Vec::new();
         for core in chosen {
-            self.announce(&format!("holes on core {core}"));
+            self.announce(&format!("gaps on core {core}"));
             holes.push(gaps::measure(core, seconds).map_err(|e| self.unusable(&e))?);
         }
         let holes = self.with_priority(gaps::finding(&holes, seconds, class));
@@ -240,8 +240,8 @@ impl Measurement<'_> {
         first.ok_or_else(|| Failure::infrastructure("this machine reports no core to measure on"))
     }
 
-    /// Adds the suggestion to measure at real-time priority: late wake-ups and holes of an ordinary thread may be due
-    /// to its own priority, but at real-time priority they are due to the machine.
+    /// Adds the suggestion to measure at real-time priority: late wake-ups and gaps of an ordinary thread may be due to
+    /// its own priority, but at real-time priority they are due to the machine.
     fn with_priority(&self, finding: Finding) -> Finding {
         if finding.grade == Grade::Good || self.class.is_real_time() {
             return finding;

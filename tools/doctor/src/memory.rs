@@ -17,10 +17,10 @@ const SHARED_MEMORY: Check = Check::new(
 );
 
 const MIB: u64 = 1 << 20;
-/// Sufficient for sessions of a thousand signals: their records have 8 KiB, and four observers may lag 8192 records
-/// each.
+/// Sufficient for sessions of a thousand signals, whose records have 8 KiB and whose four observers may lag 8192
+/// records each.
 const AMPLE_BYTES: u64 = 512 * MIB;
-/// Sufficient for a session of some fifty signals, which takes half of it.
+/// Sufficient for a session of about fifty signals, which takes half of it.
 const ENOUGH_BYTES: u64 = 64 * MIB;
 
 /// Checks for transparent huge pages.
@@ -73,7 +73,7 @@ pub(crate) fn swap(tree: &dyn Tree) -> Finding {
     }
 }
 
-/// Checks that `/dev/shm` is in memory and has space for this user; `state` holds the state of the file system.
+/// Checks that `/dev/shm` is in memory and has space for this user; `state` is the state of the file system.
 #[must_use]
 pub(crate) fn shared_memory(tree: &dyn Tree, state: Option<SharedMemory>) -> Finding {
     let mounts = known!(SHARED_MEMORY, tree.read("proc/self/mounts"));

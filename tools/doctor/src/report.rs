@@ -118,7 +118,7 @@ impl Report {
         text
     }
 
-    /// Formats the holes of each core, by length.
+    /// Formats the gaps of each core, by length.
     fn gaps(&self) -> Option<String> {
         let measured = |finding: &Finding| finding.measured.clone();
         let gaps = self.checks.iter().filter(|finding| finding.check == "gaps");

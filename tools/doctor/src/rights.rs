@@ -17,7 +17,7 @@ const SYS_NICE: u32 = 23;
 /// Number of the capability to lock memory, `CAP_IPC_LOCK`.
 const IPC_LOCK: u32 = 14;
 
-/// Command that sets both limits, since a user who needs one needs the other.
+/// Command that sets both limits, because a user who needs one needs the other.
 pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"$USER\" \"$USER\" | \
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 

@@ -17,7 +17,7 @@ const THROTTLING: Check = Check::new(
 enum FairServer {
     /// The kernel has no such server.
     Absent,
-    /// Longest time that the server takes at once; 0 if it is off.
+    /// Longest time that the server takes at once; 0 if the server is off.
     Takes { longest_ns: u64 },
     /// The server exists, but its setting cannot be read.
     Unread,

@@ -10,7 +10,7 @@ pub trait Tree {
     /// Reads a whole file, without surrounding white space.
     ///
     /// # Errors
-    /// If the file cannot be read; the error names it and the reason.
+    /// If the file cannot be read; the error states the file and the reason.
     fn read(&self, path: &str) -> Result<String, Unread>;
 
     /// Lists the names in a folder, sorted; empty if the folder does not exist.

@@ -1,5 +1,5 @@
-//! Facts about runs: their programs, their results, and a running session as seen from another terminal. Starts no
-//! run and compares none.
+//! Facts about runs: their programs, their results, and a running session as seen from another terminal. Starts no run
+//! and compares none.
 //!
 //! | Module | Contents |
 //! |---|---|

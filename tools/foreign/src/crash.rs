@@ -1,10 +1,10 @@
 //! Reports the call of foreign code during which this process dies of a signal.
 //!
 //! Every call of an FMU or a C callback is marked by [`calling`], at the cost of two memory writes. If a fatal signal
-//! arrives meanwhile, a handler writes the names of signal and call to standard error, which is the log of the run,
-//! and re-raises the signal: exit status and core dump are those of the crash. For SIGKILL, which no handler receives,
-//! the name of the call is also kept in a [file](share). A call that ends the process with `exit` is reported in the
-//! same way, with the exit code.
+//! arrives during a call, a handler writes the names of signal and call to standard error, which is the log of the run,
+//! and re-raises the signal, so that exit status and core dump are those of the crash. For SIGKILL, which no handler
+//! receives, the name of the call is also kept in a [file](share). A call that ends the process with `exit` is reported
+//! in the same way, with the exit code.
 
 use std::ffi::{c_int, c_void};
 use std::fs::File;
@@ -26,7 +26,7 @@ const SIGNALS: [(c_int, &str); 6] = [
     (libc::SIGILL, "SIGILL"),
     (libc::SIGTRAP, "SIGTRAP"),
 ];
-/// Size of the handler's stack, in bytes; a stack overflow leaves no space on the ordinary one.
+/// Size of the handler's stack in bytes, because a stack overflow leaves no space on the ordinary stack.
 const STACK_BYTES: usize = 64 << 10;
 
 /// Name of the current call; null outside of calls.
@@ -64,7 +64,7 @@ impl Drop for Calling {
     }
 }
 
-/// Keeps the name of the call in this file as well, for a signal that no handler gets.
+/// Stores the name of the call in this file as well, for a signal that no handler receives.
 ///
 /// # Errors
 /// If the file cannot be mapped.
@@ -88,7 +88,7 @@ pub(crate) fn share(file: &File) -> io::Result<()> {
     Ok(())
 }
 
-/// Writes the name of a call, or none, to the shared file, if there is one.
+/// Writes the name of a call, or an empty name, to the shared file, if there is one.
 #[inline]
 fn publish(name: *const &'static str) {
     let page = SHARED.load(Ordering::Relaxed);
@@ -138,8 +138,8 @@ pub(crate) fn install(family: &'static &'static str) {
     });
 }
 
-/// Marks this process as one that only tries a model. A crash while freeing the model is no failure then, since some
-/// models can be freed only after a step.
+/// Marks this process as one that only tries a model. A crash while freeing the model then does not count as a failure,
+/// because some models can be freed only after a step.
 pub(crate) fn begin_trial() {
     IS_TRIAL.store(true, Ordering::Relaxed);
 }
@@ -149,7 +149,7 @@ pub(crate) fn excuse_end() {
     IS_EXCUSED.store(IS_TRIAL.load(Ordering::Relaxed), Ordering::Relaxed);
 }
 
-/// Sets up an alternate signal stack for this thread, unless it has one, as Rust's threads do.
+/// Sets up an alternate signal stack for this thread, unless it already has one, as Rust's threads do.
 fn provide_stack() {
     // SAFETY: as in `install`.
     let mut present: libc::stack_t = unsafe { MaybeUninit::zeroed().assume_init() };
@@ -220,7 +220,7 @@ unsafe extern "C" {
     fn on_exit(handler: extern "C" fn(c_int, *mut c_void), argument: *mut c_void) -> c_int;
 }
 
-/// Says that a trial was done to its end.
+/// Prints that a trial was completed.
 pub(crate) fn say_checked() {
     // Behind whatever the library wrote.
     for part in ["\n", program::CHECKED, "\n"] {

@@ -19,16 +19,16 @@
 //!
 //! A run, from the command line to the summary:
 //!
-//! 1. [`arguments`] parses the command line, and `commands::execute` dispatches to the verb's package; for `hil
-//!    run` it is [`hil_verification::suite`], where one scenario is a suite of one. [`hil_views::panel`] starts it
-//!    if a page is requested.
+//! 1. [`arguments`] parses the command line, and `commands::execute` dispatches to the verb's package; for `hil run` it
+//!    is [`hil_verification::suite`], where one scenario is a suite of one. [`hil_views::panel`] starts the run if a
+//!    page is requested.
 //! 2. [`hil_facts::programs`] finds plant and controller and reads their descriptions; the scenario is checked
 //!    against those.
 //! 3. [`hil_run`] prepares session and folder, starts both sides and supervises them.
 //! 4. Its [recorder](hil_run::recorder) drains the record stream on a thread of its own: digest, metrics,
 //!    requirements, latency, [recording](hil_recording).
-//! 5. The end of the run determines the exit code: [`hil_facts::results::requirements`] turns the verdict into one,
-//!    [`hil_verification::suite`] takes the worst of several, and [`hil_console::terminal::exit`] lists them all.
+//! 5. The end of the run determines the exit code: [`hil_facts::results::requirements`] converts the verdict,
+//!    [`hil_verification::suite`] takes the worst of several, and [`hil_console::terminal::exit`] lists all codes.
 //!    [`hil_facts::results::summary`] reports the results, as text and as JSON.
 //!
 //! To add a subcommand, add: its arguments to `arguments` of the package that owns it; its variant to `Command` and

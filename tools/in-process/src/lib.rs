@@ -1,8 +1,8 @@
 //! Both sides of a run in one thread, alternating.
 //!
 //! Used by `hil run --link in-process` and by campaigns, for plants, fault kinds and laws that are built into `hil`.
-//! It starts no process and never waits for one. A separate package, so that engine and runner of such a run are
-//! compiled once and in one codegen unit.
+//! Starts no process and never waits for one. A separate package, so that engine and runner of such a run are compiled
+//! once and in one codegen unit.
 
 use std::sync::{Arc, LazyLock};
 
@@ -39,7 +39,7 @@ pub fn plant_of(job: &PlantJob) -> Result<&'static PlantKind, String> {
     kind.ok_or_else(|| format!("hil has no plant `{model}`"))
 }
 
-/// Validates a plant's job like `--check` of its program.
+/// Validates a plant's job as `--check` of its program does.
 ///
 /// # Errors
 /// If the plant objects to its job.
@@ -47,7 +47,7 @@ pub fn check_plant(job: PlantJob) -> Result<(), String> {
     program::check(plant_of(&job)?, &FAULTS, job)
 }
 
-/// Validates a controller's job like `--check` of its program.
+/// Validates a controller's job as `--check` of its program does.
 ///
 /// # Errors
 /// If the controller objects to its job.

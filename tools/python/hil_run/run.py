@@ -92,12 +92,12 @@ class Run:
 
     @cached_property
     def events(self) -> List[Dict[str, Any]]:
-        """What happened: faults that were accepted, took hold and ended, and the end of the run."""
+        """What happened: faults that were accepted, took effect and ended, and the end of the run."""
         return list(self._recording.events())
 
     @property
     def faults(self) -> List[Dict[str, Any]]:
-        """The faults that took hold, each with kind, target and the step from which it acted."""
+        """The faults that took effect, each with kind, target and the step from which it acted."""
         return [event for event in self.events if event["event"] == "fault"]
 
     def to_numpy(

@@ -28,9 +28,9 @@ pub(super) struct Chunk {
     body: Body,
     /// Size before compression, in bytes.
     bytes: usize,
-    /// Check sum of the uncompressed bytes.
+    /// Checksum of the uncompressed bytes.
     crc: crc32fast::Hasher,
-    /// Times of its first and last message.
+    /// Times of the chunk's first and last message.
     time_ns: Option<(u64, u64)>,
     since: Option<Instant>,
     /// For each channel from number 1: time and offset of each message.
@@ -64,7 +64,7 @@ impl Chunk {
         })
     }
 
-    /// Adds a record, given as words.
+    /// Adds a record in the form of words.
     pub(super) fn record(&mut self, header: &MessageHeader, words: &[u64]) {
         let mut head = [0; size_of::<u64>() * HEAD_WORDS];
         let bytes = ENCAPSULATION.len() + size_of_val(words);
@@ -154,8 +154,7 @@ impl Chunk {
         }
     }
 
-    /// Returns the compressed messages as they are stored in the file. The chunk accepts no more messages until it is
-    /// cleared.
+    /// Returns the compressed messages as stored in the file. The chunk accepts no more messages until it is cleared.
     pub(super) fn packed(&mut self) -> io::Result<Packed<'_>> {
         Ok(match &mut self.body {
             Body::Plain(body) => Packed::Borrowed(body.as_slice()),

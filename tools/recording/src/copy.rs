@@ -1,7 +1,7 @@
 //! Copies the readable part of a recording into a new one.
 //!
 //! Used by `hil recover`. Facts, attachments, schemas and messages are copied in their order; chunks, indexes and
-//! check sums are rebuilt, because those of a truncated file cannot be relied on.
+//! checksums are rebuilt, because those of a truncated file cannot be relied on.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -24,10 +24,10 @@ use crate::reader::{UNVOUCHED, Unvouched, VOUCHED};
 pub struct Rescue<'a> {
     /// Number of readable messages.
     pub messages: u64,
-    /// Set if the original is damaged. Its result is not copied then, so that the copy cannot pass for the complete
+    /// Set if the original is damaged. Its result is then not copied, so that the copy cannot pass for the complete
     /// run.
     pub is_doubtful: bool,
-    /// Part of the original without a check sum.
+    /// Part of the original without a checksum.
     pub unvouched: Option<&'a Unvouched>,
     /// Result of the run, used if the original has none.
     pub result: BTreeMap<String, String>,
@@ -72,7 +72,7 @@ impl Rescue<'_> {
 struct Copy {
     file: McapFile,
     chunk: Option<Chunk>,
-    /// New schema IDs, by those of the original.
+    /// New schema IDs, by the IDs of the original.
     schemas: BTreeMap<u16, u16>,
     /// New channel IDs, with the encoding of events for channels that carry no records.
     channels: BTreeMap<u16, (u16, Option<String>)>,
@@ -190,7 +190,7 @@ impl Copy {
         Ok(true)
     }
 
-    /// Ends the file with the result of the original, or with `result` if that has none.
+    /// Ends the file with the result of the original, or with `result` if the original has none.
     fn finish(mut self, result: BTreeMap<String, String>) -> io::Result<()> {
         if let Some(chunk) = &mut self.chunk {
             self.file.chunk(chunk)?;

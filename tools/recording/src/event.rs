@@ -1,7 +1,7 @@
 //! Encoding of events as messages: CDR by the schema of [`schema::event`], or JSON in files of earlier versions.
 //!
-//! Used by the [recording](super), by the live stream and by readers. Readers use only the JSON part, which comes
-//! first so that fields can be added after it.
+//! Used by the [recording](super), by the live stream and by readers. Readers use only the JSON part, which comes first
+//! so that fields can be added after it.
 
 use shared_types::record::Event;
 
@@ -32,7 +32,7 @@ pub fn message(event: &Event) -> serde_json::Result<Vec<u8>> {
 /// Decodes an event from a message with this encoding.
 ///
 /// # Errors
-/// If the message is invalid; the text says why.
+/// If the message is invalid; the text states the reason.
 pub(crate) fn read(encoding: &str, message: &[u8]) -> Result<Event, String> {
     let json = if encoding == EARLIER {
         Some(message)

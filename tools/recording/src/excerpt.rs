@@ -1,7 +1,7 @@
 //! Excerpt of a run: selected signals, every N-th step, and the steps around faults.
 //!
-//! Used by the [recording](super), which writes the resulting rows. Rows are buffered until they are too old to
-//! precede a fault, so the times of faults need not be known in advance. Processing a row allocates nothing.
+//! Used by the [recording](super), which writes the resulting rows. Rows are buffered until they are too old to precede
+//! a fault, so that the times of faults need not be known in advance. Processing a row allocates nothing.
 
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -19,7 +19,7 @@ use crate::schema::column_name;
 pub struct Choice {
     /// Patterns of signal names; empty for all signals.
     pub signals: Vec<String>,
-    /// Stride between recorded steps; `None` for every step or, with `around_s`, only the first and last.
+    /// Stride between recorded steps; `None` for every step or, with `around_s`, only for the first and last step.
     pub every: Option<u64>,
     /// Times before and after every fault event that are recorded completely, in s.
     pub around_s: Option<[f64; 2]>,
@@ -52,8 +52,8 @@ impl Choice {
         parts.join(", ")
     }
 
-    /// Returns for each signal of a record whether it is recorded. A pattern may match any name of a signal; an exact name
-    /// takes precedence over an alias of another signal.
+    /// Returns `true` for each signal of a record that is recorded. A pattern may match any name of a signal; an exact
+    /// name takes precedence over an alias of another signal.
     ///
     /// # Errors
     /// If a pattern is invalid or matches no signal.

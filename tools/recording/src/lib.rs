@@ -1,7 +1,7 @@
-//! Recordings of runs: written record by record during a run, and read back from self-describing files, however the
-//! run ended. The package judges nothing, computes no figures and knows neither scenarios nor programs.
+//! Recordings of runs: written record by record during a run, and read back from self-describing files, however the run
+//! ended. The package judges nothing, computes no figures and is independent of scenarios and programs.
 //!
-//! A recording is an MCAP file that other programs can open, too. It contains a message for each step with the exact
+//! A recording is an MCAP file that other programs can also open. It contains a message for each step with the exact
 //! words from shared memory, the events between steps, facts about the run before and after it, and attached text
 //! files. The page `docs/recordings-in-rust.md` shows programs that write and read recordings.
 //!
@@ -12,13 +12,13 @@
 //!    a file.
 //! 2. `chunk` collects, indexes and compresses messages, using the project's `lz4` for rows of words, whose output
 //!    any LZ4 reader unpacks. [`compression`] is only the setting.
-//! 3. `mcap_file` writes chunks sequentially, each with a `mark` that contains a check sum of every byte before it.
+//! 3. `mcap_file` writes chunks sequentially, each with a `mark` that contains a checksum of every preceding byte.
 //!    [`reserve`] reserves disk space for the end.
 //!
 //! Reading:
 //!
 //! 1. [`reader::RunReader`] reads a file in any state once: up to its end, truncation or damage. It verifies every
-//!    check sum, computes the digest and retains no records.
+//!    checksum, computes the digest and retains no records.
 //! 2. `unpack` decompresses chunks, including truncated ones; [`clean`] sanitises event texts for display.
 //! 3. [`copy::Rescue`] copies the readable part of a file into a complete one.
 //!

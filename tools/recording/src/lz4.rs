@@ -17,8 +17,8 @@ use std::ops::Range;
 
 use shared_types::zerocopy::IntoBytes;
 
-/// Magic number; version 1, independent blocks, no check sums, no sizes; blocks of at most 4 MiB; and the second byte
-/// of the `xxh32` of the previous two bytes.
+/// Magic number; version 1, independent blocks, no checksums, no sizes; blocks of at most 4 MiB; and the second byte of
+/// the `xxh32` of the previous two bytes.
 const FRAME_HEAD: [u8; 7] = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
 /// Block of size 0 that ends a frame.
 const FRAME_END: [u8; 4] = [0; 4];
@@ -49,7 +49,7 @@ pub(super) struct Encoder {
     before: Vec<u64>,
     /// Number of bytes from the start of the previous row to the next output.
     distance: usize,
-    /// Distance in words from each word to its expected echo; 0 if it has none.
+    /// Distance in words from each word to its expected echo; 0 if the word has none.
     echoes: Vec<usize>,
     /// Number of rows of the current length in this block.
     rows: usize,

@@ -1,15 +1,15 @@
-//! A mark: a record with a check sum of every preceding byte of the file.
+//! A mark: a record with a checksum of every preceding byte of the file.
 //!
 //! [`McapFile`](super::mcap_file::McapFile) writes one before the first chunk and after each chunk; the
-//! [content](crate::reader::content) reader verifies them. The format has a check sum for the content of a chunk and
-//! one at the end of the file; in a truncated file, nothing would protect the bytes between chunks: facts, names,
+//! [content](crate::reader::content) reader verifies them. The format has a checksum for the content of a chunk and
+//! another at the end of the file; in a truncated file, nothing would protect the bytes between chunks: facts, names,
 //! units, offsets. The format reserves opcodes from 0x80 on for private records, which other readers skip.
 
 use std::ops::Range;
 
 /// Opcode that differs in many bits from those of the format, and from the zeros of a lost block.
 pub(crate) const OPCODE: u8 = 0xb5;
-/// Length of a mark's content: its offset and the check sum of the bytes before it, 12 bytes.
+/// Length of a mark's content: its offset and the checksum of the preceding bytes, 12 bytes.
 const BYTES: u8 = 12;
 const HEAD: [u8; 9] = [OPCODE, BYTES, 0, 0, 0, 0, 0, 0, 0];
 const PLACE: Range<usize> = HEAD.len()..HEAD.len() + size_of::<u64>();

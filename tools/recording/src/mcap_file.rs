@@ -20,7 +20,7 @@ pub(super) struct McapFile {
     file: File,
     /// Number of bytes written.
     position: u64,
-    /// Check sum of all bytes written.
+    /// Checksum of all bytes written.
     crc: crc32fast::Hasher,
     /// Records of the summary section, by opcode.
     summary: BTreeMap<u8, Vec<u8>>,
@@ -184,7 +184,7 @@ impl McapFile {
         Ok(())
     }
 
-    /// Writes a check sum of everything written so far, in case nothing else follows.
+    /// Writes a checksum of everything written so far, in case nothing else follows.
     pub(super) fn mark(&mut self) -> io::Result<()> {
         let crc = self.crc.clone().finalize();
         self.write(&mark::mark(self.position, crc))
@@ -217,7 +217,7 @@ impl McapFile {
         }
     }
 
-    /// Rolls back what was written since.
+    /// Rolls back everything written since the state was taken.
     fn go_back(&mut self, before: State) {
         // If that fails, too, the file ends with a partial record, which readers skip.
         let _ = self.file.set_len(before.position);
@@ -310,7 +310,7 @@ fn head(opcode: u8, bytes: usize) -> [u8; 9] {
     head
 }
 
-/// Encodes a record's content, or the part of it for which the crate has a type.
+/// Encodes a record's content, or the part for which the crate has a type.
 fn bytes_of<T>(content: &T) -> io::Result<Vec<u8>>
 where
     T: for<'a> BinWrite<Args<'a> = ()>,

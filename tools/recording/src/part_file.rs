@@ -1,9 +1,9 @@
 //! Files and folders that appear atomically and leave nothing behind.
 //!
-//! Used by every command that writes a result. The content is written under a hidden name beside its destination,
-//! with a lock that the kernel releases when the process ends; once complete, it is renamed. Leftovers of a killed
-//! `hil` are no longer locked, and the next command that writes to the folder removes them: the name, the owner and
-//! the free lock identify them. Nothing else is ever removed.
+//! Used by every command that writes a result. The content is written under a hidden name in the folder of its
+//! destination, with a lock that the kernel releases when the process ends; once complete, the file is renamed.
+//! Leftovers of a killed `hil` are no longer locked, and the next command that writes to the folder removes them: the
+//! name, the owner and the free lock identify them. Nothing else is ever removed.
 
 use std::fs::{self, File, OpenOptions, Permissions};
 use std::io::{self, Write};
@@ -16,14 +16,14 @@ use tempfile::{Builder, TempDir, TempPath};
 /// Prefix of the names of unfinished files.
 const PREFIX: &str = ".hil-part-";
 
-/// Unfinished file, which is removed if it is dropped before completion.
+/// Unfinished file, which is removed if the value is dropped before completion.
 pub struct PartFile {
     file: File,
     temporary: TempPath,
 }
 
 impl PartFile {
-    /// Creates an unfinished file beside its destination.
+    /// Creates an unfinished file in the folder of its destination.
     ///
     /// # Errors
     /// If the file cannot be created.
@@ -72,14 +72,14 @@ fn without_its_name(error: io::Error) -> io::Error {
     io::Error::new(error.kind(), message)
 }
 
-/// Unfinished folder, which is removed if it is dropped before completion.
+/// Unfinished folder, which is removed if the value is dropped before completion.
 pub struct PartFolder {
     folder: TempDir,
     _lock: File,
 }
 
 impl PartFolder {
-    /// Creates an unfinished folder beside its destination.
+    /// Creates an unfinished folder next to its destination.
     ///
     /// # Errors
     /// If the folder cannot be created.
@@ -111,7 +111,7 @@ impl PartFolder {
     /// Renames the finished folder to its destination.
     ///
     /// # Errors
-    /// If a folder exists there that is not empty.
+    /// If a non-empty folder exists at the destination.
     pub fn complete(self, path: &Path) -> io::Result<()> {
         fs::rename(self.folder.path(), path)?;
         // The old name is gone, so there is nothing to clean up.
@@ -136,7 +136,7 @@ pub fn write(path: &Path, text: &[u8]) -> io::Result<()> {
     part.complete(&path, true)
 }
 
-/// Removes leftovers of killed commands from a folder. Files that cannot be read or removed stay.
+/// Removes leftovers of killed commands from a folder. Files that cannot be read or removed remain.
 pub fn sweep(folder: &Path) {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries {

@@ -1,8 +1,8 @@
 //! Reader of a recorded run: its records one by one, its events and its attachments.
 //!
-//! Used by every command that reads a recorded run. The file is read once and no record is retained, so memory does
-//! not depend on the length of the run. Signal names come from the file's own schema, so recordings of unknown plants
-//! can be read. A file whose writer was killed is read as far as it goes.
+//! Used by every command that reads a recorded run. The file is read once and no record is retained, so memory does not
+//! depend on the length of the run. Signal names come from the file's own schema, so recordings of unknown plants can
+//! be read. A file whose writer was killed is read as far as possible.
 
 pub(crate) mod content;
 mod error;
@@ -58,9 +58,9 @@ pub struct RunReader {
     records: u64,
     digest: Digest,
     is_hashing: bool,
-    /// Number of records covered by a later check sum; `None` before the first check sum.
+    /// Number of records covered by a later checksum; `None` before the first checksum.
     vouched: Option<u64>,
-    /// Set if nothing followed the last check sum.
+    /// Set if nothing followed the last checksum.
     is_vouched: bool,
 }
 
@@ -68,7 +68,7 @@ pub struct RunReader {
 enum Next {
     Record,
     Event(Box<Event>),
-    /// Content that was stored or is not relevant.
+    /// Content that was stored or is irrelevant.
     Other,
     End,
 }
@@ -115,7 +115,9 @@ impl RunReader {
         while reader.columns.is_empty() {
             if matches!(reader.next()?, Next::End) {
                 return Err(match reader.end() {
-                    (Some(FileEnd::Whole), _) => reader.foreign("it has no channel `/record`"),
+                    (Some(FileEnd::Whole), _) => {
+                        reader.foreign("the file has no channel `/record`")
+                    }
                     (_, length) => ReadError::Cut {
                         path: reader.path,
                         length,
@@ -192,11 +194,11 @@ impl RunReader {
     /// Returns the rate of the run.
     ///
     /// # Errors
-    /// If the recording does not contain it.
+    /// If the recording does not contain the rate.
     pub fn rate(&self) -> Result<Rate, ReadError> {
         let hz = self.fact("rate_hz").and_then(|hz| hz.parse().ok());
         hz.and_then(Rate::new)
-            .ok_or_else(|| self.foreign("it has no rate"))
+            .ok_or_else(|| self.foreign("the file has no rate"))
     }
 
     /// Returns an attachment by its name.
@@ -205,7 +207,7 @@ impl RunReader {
     /// If there is no such attachment.
     pub fn attachment(&self, name: &str) -> Result<&str, ReadError> {
         let text = self.attachments.get(name).map(String::as_str);
-        text.ok_or_else(|| self.foreign(format!("it has no attachment `{name}`")))
+        text.ok_or_else(|| self.foreign(format!("the file has no attachment `{name}`")))
     }
 
     /// Parses a JSON attachment.
@@ -347,7 +349,7 @@ impl RunReader {
                 self.channels.insert(channel.id, None);
                 let schema = self.schemas.get(&channel.schema_id);
                 let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
-                    return Err(self.foreign("its schema is invalid"));
+                    return Err(self.foreign("the file's schema is invalid"));
                 };
                 if !self.columns.is_empty() && columns != self.columns {
                     return Err(self.damaged(format!("its channel {RECORD_TOPIC} changes")));

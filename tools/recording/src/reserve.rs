@@ -14,7 +14,7 @@ use rustix::fs::{FallocateFlags, fallocate};
 pub struct Reserve(Option<File>);
 
 impl Reserve {
-    /// Reserves `bytes` bytes. If that fails, the reserve is empty: the run may get by with the available space.
+    /// Reserves `bytes` bytes. If that fails, the reserve is empty: the run may manage with the available space.
     #[must_use]
     pub fn of(folder: &Path, bytes: u64) -> Self {
         let file = tempfile::tempfile_in(folder).ok();

@@ -4,7 +4,7 @@ use shared_types::record::{RecordLayout, Timing};
 
 use super::excerpt::Choice;
 
-/// Size of a message other than its words, in bytes: its head, its encapsulation and its index entry.
+/// Size of a message apart from its words, in bytes: its head, its encapsulation and its index entry.
 const BESIDES: u64 = 31 + 4 + 16;
 
 /// Computes the maximum size of a run of `steps` steps without compression, in bytes. The rows around faults are not

@@ -1,7 +1,7 @@
 //! Decompression of the chunks of a recording, including truncated ones.
 //!
-//! Used by all readers of recordings. The libraries unpack complete chunks, but only complete blocks of a truncated
-//! one. The recorder packs a chunk into a single LZ4 block, so that block is decoded here up to its last byte. The
+//! Used by all readers of recordings. The libraries unpack complete chunks, but only the complete blocks of a truncated
+//! chunk. The recorder packs a chunk into a single LZ4 block, so that block is decoded here up to its last byte. The
 //! output never exceeds the requested length.
 
 use std::io::{self, Read};
@@ -20,7 +20,7 @@ const MIN_MATCH: usize = 4;
 /// Unpacks a chunk that must contain exactly `size` bytes.
 ///
 /// # Errors
-/// If it does not.
+/// If the chunk has another size.
 pub(crate) fn whole(
     compression: &str,
     packed: &[u8],
@@ -124,7 +124,7 @@ fn torn_block(block: &mut &[u8], limit: usize, into: &mut Vec<u8>) -> Option<()>
     Some(())
 }
 
-/// Decodes a length of four bits, which continues in further bytes if all bits are set.
+/// Decodes a length of four bits, which continues in more bytes if all bits are set.
 fn length(bits: usize, source: &mut &[u8]) -> Option<usize> {
     let mut length = bits;
     if bits == 15 {

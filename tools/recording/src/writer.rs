@@ -27,8 +27,8 @@ use crate::reserve::Reserve;
 
 /// Longest time that a chunk stays open.
 const CHUNK_TIME: Duration = Duration::from_millis(100);
-/// Size at which a chunk is closed, in bytes. With the message that exceeds it the chunk stays far below the 4 MiB of
-/// an LZ4 block.
+/// Size at which a chunk is closed, in bytes. Even with the message that exceeds this size, the chunk stays far below
+/// the 4 MiB of an LZ4 block.
 pub(super) const CHUNK_BYTES: usize = 1 << 20;
 /// Metadata record with facts about a run; there may be several.
 pub(super) const FACTS: &str = "hil.run";

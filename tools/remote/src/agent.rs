@@ -1,6 +1,8 @@
-//! The agent: owns a session on the target, starts the controller's file in it, and speaks to it as the plant.
+//! The agent: owns a session on the target, starts the controller's program in that session, and acts as the plant for
+//! it.
 //!
-//! Serves one contact, with one run at most. At its end, by an order, a cut or a silent desk, program and session are gone; after `kill -9` the next agent removes them.
+//! Serves one contact, with at most one run. When the contact ends (by request, by a closed channel or by a silent
+//! desk), program and session are gone; after `kill -9` the next agent removes them.
 
 use std::io::{Read, Write};
 use std::net::IpAddr;
@@ -26,17 +28,14 @@ use beats::Beats;
 use run::Run;
 use started::Started;
 
-/// Longest time that a desk may say nothing before a run.
+/// Longest silence of a desk before a run.
 const IDLE: Duration = Duration::from_secs(60);
-/// Longest standard error of an answer that is passed on, in characters.
+/// Maximum length of the passed-on part of an answer's standard error, in characters.
 const COMPLAINT: usize = 16 << 10;
 
-/// Serves one desk: answers what it asks, and runs what it wants to be run. Returns when the channel is closed.
-///
-/// `admit` is called first, and may wait; `runs` with `true` when a run begins, and with `false` when it is to end.
-///
-/// # Errors
-/// The reason for which it ended before, which the desk was told if it could be.
+/// Serves one desk: answers its requests, and runs the programs that it asks for. Returns when the channel is closed.
+/// `admit` is called first, and may wait; `runs` is called with `true` when a run begins, and with `false` when it
+/// should end.
 pub fn run(
     (from, into): (impl Read + Send + 'static, impl Write + Send + 'static),
     seal: Option<Arc<crate::seal::Seal>>,
@@ -82,14 +81,15 @@ pub fn run(
 
 struct Agent<'a> {
     ear: Ear<ToAgent>,
-    /// Signs of life until a run begins, whose loop gives its own. Before the mouth: the thread has a copy of it.
+    /// Signs of life until a run begins, whose loop sends its own. Declared before the sender, of which the thread has
+    /// a copy.
     beats: Option<Beats>,
     mouth: Mouth,
     bell: LateBell,
     programs: &'a AllowedPrograms,
-    /// Address that the desk reached; without one there are no datagrams.
+    /// Address through which the desk connected; without an address there are no datagrams.
     address: Option<IpAddr>,
-    /// Hears whether a run goes on.
+    /// Receives `true` while a run is in progress.
     runs: &'a dyn Fn(bool),
     program: Option<(String, PathBuf)>,
 }
@@ -109,8 +109,9 @@ impl Agent<'_> {
                     bytes,
                 })) => {
                     if protocol != PROTOCOL {
-                        let reason =
-                            format!("the desk speaks protocol {protocol}, the agent {PROTOCOL}");
+                        let reason = format!(
+                            "the desk speaks protocol {protocol}, but the agent speaks {PROTOCOL}; use programs of the same version"
+                        );
                         return Err((true, reason));
                     }
                     storing = None;
@@ -125,13 +126,17 @@ impl Agent<'_> {
                 }
                 Some(Heard::Part(part)) => {
                     let Some((blake3, begun)) = &mut storing else {
-                        return Err((false, "a part of no file came".into()));
+                        return Err((
+                            false,
+                            "received a part of a file that was not announced".into(),
+                        ));
                     };
                     if !begun.take(&part).map_err(failed)? {
                         self.mouth.say(&ToDesk::Taken);
                     } else {
                         let path = self.programs.find(blake3);
-                        let path = path.ok_or((false, "the program is gone again".to_owned()))?;
+                        let path =
+                            path.ok_or((false, "the program is no longer available".to_owned()))?;
                         let blake3 = blake3.clone();
                         storing = None;
                         self.have(blake3, path);
@@ -153,10 +158,13 @@ impl Agent<'_> {
                 Some(Heard::Message(ToAgent::Run(request))) => return self.begin(&request),
                 Some(Heard::Message(ToAgent::Beat)) => {}
                 Some(Heard::Message(_) | Heard::Packet(_)) => {
-                    return Err((false, "something of a run came before the run".into()));
+                    return Err((
+                        false,
+                        "received a message of a run before the run began".into(),
+                    ));
                 }
                 Some(Heard::Closed(_)) => return Ok(()),
-                None => return Err((false, "the desk says nothing".into())),
+                None => return Err((false, "the desk sent nothing for too long".into())),
             }
         }
     }
@@ -169,7 +177,7 @@ impl Agent<'_> {
     fn program(&self) -> Result<&(String, PathBuf), Refusal> {
         self.program
             .as_ref()
-            .ok_or((false, "no program was named".into()))
+            .ok_or((false, "the first message did not name a program".into()))
     }
 
     fn ask(&self, arguments: &[std::ffi::OsString]) -> Result<(), Refusal> {
@@ -185,11 +193,11 @@ impl Agent<'_> {
         Ok(())
     }
 
-    /// Makes a session for a program and runs it there.
+    /// Creates a session for a program and runs the program there.
     fn begin(&mut self, request: &RunRequest) -> Result<(), Refusal> {
         let beats = self.beats.take();
         let (blake3, program) = self.program()?;
-        let key = Key::from_hex(&request.key).ok_or((false, "that is no key".to_owned()))?;
+        let key = Key::from_hex(&request.key).ok_or((false, "the key is malformed".to_owned()))?;
         let first = from_hex(&request.handshake).unwrap_or_default();
         let believed = prologue(blake3, &request.job, request.epoch);
         let (seal, second) = answer(&key, &believed, &first).map_err(failed)?;
@@ -232,13 +240,13 @@ impl Agent<'_> {
     }
 }
 
-/// Makes a refusal that nobody can mend where it was typed.
+/// Creates a refusal that the user cannot fix on the command line.
 fn failed(error: impl std::fmt::Display) -> Refusal {
     (false, error.to_string())
 }
 
 fn cannot_run(error: &dyn std::fmt::Display) -> String {
-    format!("cannot run the program there: {error}")
+    format!("cannot run the program on the target: {error}")
 }
 
 mod beats;

@@ -1,7 +1,7 @@
-//! The bridge: has the controller's place in a run's session at the desk, and says there what the controller on the target
-//! says.
+//! The bridge: takes the controller's place in a run's session at the desk, and repeats there what the controller on
+//! the target says.
 //!
-//! For `hil` it is the controller: it is started, told, logged and ended as one.
+//! To `hil` the bridge is the controller: it is started, addressed, logged and ended like one.
 
 use std::collections::VecDeque;
 use std::io::Write;
@@ -47,24 +47,25 @@ use files::{Job, PlantJob, SWITCHES_FILE};
 pub use files::{ready_file, switches};
 use life::{Action, Event, Exit, Life};
 
-/// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
+/// Share of the wait limit after which a silent target is given up, before the plant, which does not know the target,
+/// gives up.
 const SHARE: f64 = 0.9;
-/// Sample periods without a sample after which the output of a target is the safe command.
+/// Sample periods without a sample after which the output of a target switches to the safe command.
 pub const MISSED_PERIODS: u32 = 20;
-/// Time between two signs of life through the channel, and two looks at what changes seldom.
+/// Interval between signs of life through the channel, and between checks of rarely changing states.
 const SIGN_NS: u64 = 250_000_000;
-/// Time that a controller may take to stop.
+/// Time limit for a controller to stop.
 const STOPPING_NS: u64 = 3_000_000_000;
-/// Time that the last frames of a controller may take once it has ended.
+/// Time limit for the last frames of a controller that has ended.
 const PARTING_NS: u64 = 1_000_000_000;
 
-/// Time for the plant to take a note.
+/// Time limit for the plant to accept a note.
 const MARKING: Duration = Duration::from_secs(2);
 
 /// Runs the controller of a session on a target; returns the exit code of a controller.
 ///
 /// # Errors
-/// The reason for which it could not be run, or was lost.
+/// The reason why the controller could not be run, or was lost.
 pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8, String> {
     let supervision = Supervision::from_stdin();
     let session = SessionInfo::read(folder).map_err(described)?;
@@ -86,7 +87,7 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     if found != blake3 {
         let file = file.display();
         return Err(format!(
-            "{file} was changed after it was checked, so it is not run"
+            "{file} was changed after the check, so it is not run; start again"
         ));
     }
     let way = &way.clone().with_silence(limit_s);
@@ -169,15 +170,15 @@ struct Bridge {
     sampled: Option<u64>,
     /// Control messages for which the channel has no room yet.
     unsent: VecDeque<ToAgent>,
-    /// Number of the plant's messages about parameters that were passed on.
+    /// Number of the plant's parameter messages that were passed on.
     tuning: u64,
-    /// Time at which anything of the target came.
+    /// Time at which anything last arrived from the target.
     heard_ns: u64,
     beat_ns: u64,
     life: Life,
-    /// The controller was told that the plant is lost.
+    /// `true` once the controller was told that the plant is lost.
     has_reported_loss: bool,
-    /// Switches of outputs to the safe command under controllers before this.
+    /// Switches of outputs to the safe command under earlier controllers.
     switches_before: u32,
 }
 
@@ -215,7 +216,7 @@ impl Bridge {
             match self.note(passed) {
                 Action::Finish(exit) => return self.finish(exit),
                 Action::GiveUpStop => {
-                    return Err(self.of_target("it was asked to stop and said nothing"));
+                    return Err(self.of_target("it was asked to stop but did not respond"));
                 }
                 Action::GiveUpSilent => {
                     let limit_s = limit.ms() as f64 / 1e3;
@@ -243,7 +244,7 @@ impl Bridge {
         }
     }
 
-    /// Place of the run for a message: only samples have moved it.
+    /// Returns the position of the run for a message; only samples advance it.
     fn place(&self) -> String {
         self.sampled
             .map_or_else(|| "the start".into(), |step| format!("step {step}"))
@@ -258,7 +259,7 @@ impl Bridge {
         }
     }
 
-    /// Notes an event in the life of the controller; returns its consequence.
+    /// Records an event in the life of the controller; returns its consequence.
     fn note(&mut self, event: Event) -> Action {
         let (life, action) = std::mem::replace(&mut self.life, Life::Running).after(event);
         self.life = life;
@@ -271,7 +272,7 @@ impl Bridge {
         self.contact.mouth.try_say(&ToAgent::Word { line })
     }
 
-    /// Passes on what `hil` wants.
+    /// Passes on requests from `hil`.
     fn pass_on(&mut self, supervision: &Supervision) {
         self.send_control();
         if supervision.wants_stop() {
@@ -315,7 +316,7 @@ impl Bridge {
         Ok(came)
     }
 
-    /// Passes a control message on; opens the frames that it agrees on.
+    /// Passes on a control message, and opens the frames that it agrees on.
     fn control(&mut self, content: &[u8]) -> Result<(), LinkError> {
         if let Ok(Control::Welcome(welcome)) = Control::from_bytes(content) {
             let spec = FrameSpec {
@@ -420,7 +421,7 @@ impl Bridge {
         Ok(())
     }
 
-    /// Notes a switch of the target's output, once it is over also at the step that the plant is at.
+    /// Records a switch of the target's output; once the switch is over, also as a note at the plant's current step.
     fn output(&self, what: &str, switches: u32, is_back: bool) -> Result<(), String> {
         let text = self.of_target(what);
         program::say(&text);
@@ -458,15 +459,15 @@ impl Bridge {
             .address
             .map_or_else(String::new, |address| format!(" to {address}"));
         let text = match notice {
-            Notice::Lost => format!(
-                "no datagram gets through{to}; the frames go through the connection, which takes longer"
-            ),
+            Notice::Lost => {
+                format!("no datagrams get through{to}, so the frames use the slower connection")
+            }
             Notice::Restored => format!("datagrams get through{to} again"),
         };
         program::say(&self.of_target(&text));
     }
 
-    /// Returns the exit code of the controller, or the fate that it met.
+    /// Returns the controller's exit code, or its fate.
     fn finish(&self, exit: Exit) -> Result<u8, String> {
         if let Some(fate) = exit.fate {
             let place = self.place();
@@ -482,7 +483,7 @@ impl Bridge {
     }
 }
 
-/// Writes what the controller wrote. A log that cannot take it must not end the run.
+/// Writes the controller's output. A failing log must not end the run.
 fn log(text: &str) {
     let _ = std::io::stderr().write_all(text::printable(text).as_bytes());
 }

@@ -1,7 +1,7 @@
 //! Channel between desk and agent: messages, parts of files and, where no datagrams get through, packets, in order,
 //! over any byte stream.
 //!
-//! A frame is its length (32 bits, little-endian), its kind, and its content. Over `ssh` that is all; over a plain
+//! A frame is its length (32 bits, little-endian), its kind, and its content. Over `ssh` nothing is added; over a plain
 //! connection each frame is encrypted and authenticated. Received data is bounded before it is read, and validated
 //! before it is used.
 
@@ -22,7 +22,7 @@ const LONGEST_MESSAGE: usize = 17 << 20;
 const AROUND: usize = 64;
 /// Capacity of the receive queue; a full queue blocks the sender.
 const HEARD: usize = 16;
-/// Capacity of the send queue in frames. A packet that finds it full is dropped, like a datagram.
+/// Capacity of the send queue in frames. A packet is dropped if the queue is full, like a datagram.
 const WAITING: usize = 256;
 
 /// Kind of a frame. The highest bit marks a frame that is continued by another.
@@ -192,7 +192,7 @@ impl Mouth {
         let _ = self.0.send((FrameContent::Message, content)); // if closed, the receiving end reports it
     }
 
-    /// Sends a message unless the queue is full; returns `false` if it is.
+    /// Sends a message unless the queue is full; returns `false` if the queue is full.
     ///
     /// # Panics
     /// Never: messages are plain data, which always serialises.

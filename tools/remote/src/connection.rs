@@ -22,7 +22,7 @@ pub(crate) fn connect(
     ring: Box<dyn Fn() + Send>,
 ) -> Result<(Ear<ToDesk>, Mouth, Leash), TargetError> {
     let Some(key_file) = &way.key_file else {
-        return Err(way.usage("a listening agent needs its key: --key-file FILE"));
+        return Err(way.usage("a listening agent needs its key; pass it with --key-file FILE"));
     };
     let key = read_key(key_file).map_err(|error| way.usage(error))?;
     // Before the connection is made: an agent under many contacts gives a silent one little time.

@@ -17,7 +17,7 @@ use crate::{connection, ssh};
 const ANSWER_LIMIT: Duration = Duration::from_secs(15);
 /// Maximum silence of an agent that is receiving part of a file.
 const COPY_LIMIT: Duration = Duration::from_secs(60);
-/// Number of parts of a file in flight; the size of each follows in bytes.
+/// Number of parts of a file in flight, and the size of each in bytes.
 const PARTS: u32 = 4;
 const PART_BYTES: u64 = 256 << 10;
 /// Polling interval for an interruption.
@@ -55,8 +55,8 @@ pub(crate) struct Running {
 }
 
 impl Contact {
-    /// Connects to a target and starts an agent there, or contacts the one that listens. `ring` is called after
-    /// each received item; `is_interrupted` is polled.
+    /// Connects to a target and starts an agent there, or contacts an agent that already listens. `ring` is called
+    /// after each received item; `is_interrupted` is polled.
     ///
     /// # Errors
     /// If the target cannot be reached or used.
@@ -82,7 +82,7 @@ impl Contact {
             }
             ToDesk::Here { protocol, .. } => {
                 return Err(way.usage(format!(
-                    "its agent speaks protocol {protocol}, this hil {PROTOCOL}; use programs of the same version"
+                    "its agent speaks protocol {protocol}, but this hil speaks {PROTOCOL}; use programs of the same version"
                 )));
             }
             _ => {
@@ -101,7 +101,7 @@ impl Contact {
     /// Makes this program available on the target, under its hash.
     ///
     /// # Errors
-    /// If it is built for another type of machine, or cannot be copied.
+    /// If the program is built for another type of machine, or cannot be copied.
     pub fn provide(
         &self,
         program: &Path,
@@ -122,7 +122,7 @@ impl Contact {
             };
             let program = program.display();
             return Err(self.way.usage(format!(
-                "{program} is built for {built}, the target is {machine}: {how}"
+                "{program} is built for {built}, but the target is {machine}: {how}"
             )));
         }
         let mut file = File::open(program).map_err(cannot)?;

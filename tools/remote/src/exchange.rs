@@ -1,18 +1,18 @@
 //! Exchange of frames over a wire that loses, repeats, reorders and delays packets: two state machines without
 //! input or output.
 //!
-//! Each end has a newest frame and the number of the other end's newest frame that it passed to its peer. A packet
-//! carries both. So any later packet makes up for lost ones, duplicates and late packets change nothing, and a
-//! frame is passed to the peer once.
+//! Each end has a latest frame, and the number of the other end's latest frame that it passed to its peer. A packet
+//! carries both. So any later packet makes up for lost ones, duplicates and late packets change nothing, and a frame is
+//! passed to the peer only once.
 //!
-//! The desk asks, the target answers. In lockstep the desk repeats its newest frame until it is answered, after a
-//! timeout derived from the round trips; the target answers a repeated frame with the stored answer, so the law
-//! steps once. In real time a sample is never repeated: the next one is newer.
+//! The desk asks, and the target answers. In lockstep the desk repeats its latest frame until it is answered, after a
+//! timeout derived from the round trips; the target answers a repeated frame with the stored answer, so that the law
+//! steps only once. In real time a sample is never repeated, because the next one is newer.
 //!
-//! In real time the target withholds a sample from the controller until the plant has seen the last answer but one,
-//! as stated by the sample itself; or the last answer, if two samples are still unanswered. So the plant misses at
-//! most two consecutive answers, however many packets are lost, and the two answers named by each command
-//! ([`Answered`]) complete the list of all.
+//! In real time the target withholds a sample from the controller until the plant has seen the last answer but one, as
+//! stated by the sample itself, or the last answer if two samples are still unanswered. So the plant misses at most two
+//! consecutive answers, however many packets are lost, and the two answers named by each command ([`Answered`])
+//! complete the list of all.
 
 use shared_types::directive::Answered;
 use shared_types::frame::{FrameKind, Header};
@@ -32,7 +32,7 @@ pub const BEAT_NS: u64 = 100_000_000;
 /// State common to both ends.
 #[derive(Debug, Default)]
 struct Ends {
-    /// Newest frame of this end.
+    /// Latest frame of this end.
     own: Option<Numbered>,
     /// Highest number of this end's frames received by the other end.
     answered: u64,
@@ -54,7 +54,7 @@ impl Ends {
         own.values.extend_from_slice(&values[..count]);
     }
 
-    /// Returns the number of this end's newest frame.
+    /// Returns the number of this end's latest frame.
     fn said(&self) -> u64 {
         self.own.as_ref().map_or(0, |own| own.number)
     }
@@ -101,15 +101,15 @@ impl Trips {
     }
 }
 
-/// Packets of the newest frame.
+/// Packets of the latest frame.
 #[derive(Clone, Copy, Debug)]
 enum Sent {
     None,
-    /// One, at that time: its answer tells the round trip.
+    /// One packet, at that time: its answer gives the round trip.
     Once {
         at_ns: u64,
     },
-    /// Several: nobody knows which of them was answered.
+    /// Several packets: the answered one is unknown.
     Repeatedly,
 }
 
@@ -120,7 +120,7 @@ pub struct DeskEnd {
     against_clock: bool,
     beat_ns: u64,
     trips: Trips,
-    /// `true` if the newest frame needs an answer: a frame of the target newer than those known when it was sent.
+    /// `true` if the latest frame needs an answer: a frame of the target newer than those known when it was sent.
     wants_answer: bool,
     sent: Sent,
     /// Time of the last packet of any frame.
@@ -129,7 +129,8 @@ pub struct DeskEnd {
 }
 
 impl DeskEnd {
-    /// Creates the end of a run, `against_clock` if its plant never waits; sends a packet at least every `beat_ns`.
+    /// Creates the desk's end of a run, `against_clock` if its plant never waits; sends a packet at least every
+    /// `beat_ns`.
     #[must_use]
     pub fn new(against_clock: bool, beat_ns: u64) -> Self {
         Self {
@@ -172,7 +173,7 @@ impl DeskEnd {
             }
     }
 
-    /// Returns `true` if the newest frame is sent only once, because the next one replaces it.
+    /// Returns `true` if the latest frame is sent only once, because the next frame replaces it.
     fn is_passing(&self) -> bool {
         let newest = self.ends.own.as_ref().and_then(|own| own.header.kind());
         self.against_clock && newest == Some(FrameKind::Sample)
@@ -196,7 +197,7 @@ impl DeskEnd {
         }
     }
 
-    /// Processes a packet of the target; returns its frame if it must be passed to the plant.
+    /// Processes a packet of the target; returns its frame if the frame must be passed to the plant.
     pub fn take(&mut self, packet: Packet, now_ns: u64) -> Option<Numbered> {
         self.ends.note(packet.heard);
         let frame = packet
@@ -220,7 +221,7 @@ impl DeskEnd {
         self.ends.heard
     }
 
-    /// Returns `true` while the plant's newest frame is unanswered.
+    /// Returns `true` while the plant's latest frame is unanswered.
     #[must_use]
     pub fn awaits_answer(&self) -> bool {
         self.wants_answer || !self.ends.is_heard()
@@ -232,14 +233,14 @@ impl DeskEnd {
 pub struct TargetEnd {
     ends: Ends,
     against_clock: bool,
-    /// Steps of the last known answer and of the one before it, which may never have been known.
+    /// Steps of the last known answer and of the one before it, if known.
     answers: [Option<u64>; 2],
     /// Steps of the last two samples passed to the controller.
     given: [Option<u64>; 2],
 }
 
 impl TargetEnd {
-    /// Creates the end of a run; `against_clock` if its plant never waits.
+    /// Creates the target's end of a run; `against_clock` if its plant never waits.
     #[must_use]
     pub fn new(against_clock: bool) -> Self {
         Self {
@@ -256,11 +257,11 @@ impl TargetEnd {
         frame.number > self.ends.heard
     }
 
-    /// Processes a packet of the desk; returns its frame if it must be passed to the controller. Otherwise the
+    /// Processes a packet of the desk; returns its frame if the frame must be passed to the controller. Otherwise the
     /// packet needs an answer at once.
     ///
-    /// In real time the caller must just have polled the controller's newest frame and [passed it on](Self::say):
-    /// if there was none, at most one of the samples passed since its last answer can be in progress.
+    /// In real time the caller must just have polled the controller's latest frame and [passed it on](Self::say): if
+    /// there was none, at most one of the samples passed since its last answer can be in progress.
     pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
         self.ends.note(packet.heard);
         let frame = packet.frame.filter(|frame| self.is_news(frame))?;
@@ -274,11 +275,11 @@ impl TargetEnd {
         Some(frame)
     }
 
-    /// Returns `true` if the plant has seen enough answers at this sample to miss at most two consecutive ones even
-    /// if this sample is answered too.
+    /// Returns `true` if the plant has seen enough answers at this sample to miss at most two consecutive ones, even if
+    /// this sample is also answered.
     ///
-    /// Of the samples passed since the last answer, one may be in progress, and the newest may be taken before this
-    /// one replaces it: with two, the answer to this one can be the third from now.
+    /// Of the samples passed since the last answer, one may be in progress, and the latest may be taken before this
+    /// sample replaces it: with two such samples, the answer to this one can be the third from now.
     fn is_seen(&self, sample: &Header) -> bool {
         let [last, last_but_one] = self.answers;
         let are_two_open = self.given[1] > last;
@@ -306,7 +307,7 @@ impl TargetEnd {
         self.ends.packet(bytes);
     }
 
-    /// Returns `true` if the desk has not confirmed the controller's newest frame.
+    /// Returns `true` if the desk has not confirmed the controller's latest frame.
     #[must_use]
     pub fn has_unheard(&self) -> bool {
         !self.ends.is_heard()

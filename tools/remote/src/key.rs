@@ -26,7 +26,7 @@ pub enum KeyError {
         /// Error.
         error: io::Error,
     },
-    /// The file exists, and a new key must not replace one.
+    /// The file exists, and a new key must not replace an existing one.
     #[error("key file {} already exists and is not overwritten; name another, or remove it", .0.display())]
     Exists(PathBuf),
     /// The file is readable by others, or belongs to another user.
@@ -40,7 +40,7 @@ pub enum KeyError {
 /// Creates a new key file that nobody else can read.
 ///
 /// # Errors
-/// If it exists, or cannot be created.
+/// If the file exists, or cannot be created.
 pub fn make_key(path: &Path) -> Result<(), KeyError> {
     let failed = |error| KeyError::Io {
         path: path.into(),
@@ -65,7 +65,7 @@ pub fn make_key(path: &Path) -> Result<(), KeyError> {
 /// Reads a key file.
 ///
 /// # Errors
-/// If others can read it, or it holds no key.
+/// If others can read the file, or it holds no key.
 pub fn read_key(path: &Path) -> Result<Key, KeyError> {
     let failed = |error| KeyError::Io {
         path: path.into(),

@@ -1,4 +1,4 @@
-//! Leash of an agent: the agent ends when it is dropped.
+//! Lifeline of an agent: the agent ends when this value is dropped.
 
 use std::io::Read;
 use std::net::{Shutdown, TcpStream};
@@ -11,7 +11,7 @@ use shared_types::text;
 /// Time limit for `ssh` to end once its input is closed.
 const PARTING: Duration = Duration::from_secs(1);
 
-/// Leash of an agent: the agent ends when it is dropped.
+/// Lifeline of an agent: the agent ends when this value is dropped.
 pub(crate) enum Leash {
     /// `ssh` process that started the agent, with the end of its messages.
     Ssh(Child, Said),
@@ -84,7 +84,7 @@ impl Said {
         text::printable(&tail).into_owned()
     }
 
-    /// Returns the last line, once the stream has ended or the limit is over.
+    /// Returns the last line, once the stream has ended or the limit is reached.
     pub(crate) fn last_line(&self, limit: Duration) -> Option<String> {
         let since = Instant::now();
         while !self.lock().has_ended && since.elapsed() < limit {

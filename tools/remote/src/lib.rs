@@ -11,16 +11,15 @@
 //!          desk                                    target
 //! ```
 //!
-//! The wire consists of a [`channel`], which also serves as leash (when it closes, the other end stops), for rare
-//! messages; and of datagrams for the frames, each [encrypted and authenticated](seal) by itself, which
-//! [`exchange`] repeats until they are answered. Where no datagrams get through, the frames go through the channel.
+//! The wire consists of a [`channel`] for rare messages, which also serves as a lifeline (when it closes, the other end
+//! stops), and of datagrams for the frames, each [encrypted and authenticated](seal) by itself, which [`exchange`]
+//! repeats until they are answered. Where no datagrams get through, the frames go through the channel.
 //!
-//! At the desk, [`contact`], [`way`], [`name`] and `ssh` reach a target. There, [`programs`] holds what an agent may run
-//! and checks the hash of each program at every use, [`machine`] describes what it
-//! runs on and `leash` ends the agent. [`serve`] and [`key`] are for an agent that listens, and `connection` reaches one.
-//! [`message`] and [`packet`] are the forms of the wire, `path` carries the datagrams, and `sleep` waits for them.
-//!
-//! Knows nothing of scenarios, recordings and verdicts.
+//! At the desk, [`contact`], [`way`], [`name`] and `ssh` reach a target. On the target, [`programs`] holds the programs
+//! that an agent may run and checks the hash of each at every use, [`machine`] describes the machine, and `leash` ends
+//! the agent. [`serve`] and [`key`] are for a listening agent, and `connection` connects to one. [`message`] and
+//! [`packet`] define the wire format, `path` carries the datagrams, and `sleep` waits for them. Scenarios, recordings
+//! and verdicts are unknown here.
 
 pub mod agent;
 pub mod bridge;

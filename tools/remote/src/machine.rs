@@ -1,4 +1,4 @@
-//! Machines: an agent's findings about its own, and the type of machine for which a program was built.
+//! Machines: an agent's findings about its own machine, and the type of machine for which a program was built.
 
 use std::fs::File;
 use std::io::{self, Read};
@@ -33,7 +33,7 @@ pub struct Findings {
     pub emulates: Vec<String>,
     /// Free bytes in `/dev/shm`, if it exists.
     pub free_bytes: Option<u64>,
-    /// Reason that no session can be created there, with the remedy; `None` if none is known.
+    /// Reason why no session can be created there, with the remedy; `None` if none is known.
     #[serde(default, deserialize_with = "line_if_any")]
     pub hindrance: Option<String>,
     /// Free bytes in the cache folder of an agent that stores programs.

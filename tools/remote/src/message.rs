@@ -27,12 +27,12 @@ pub enum ToAgent {
     },
     /// Request to run the program with `--describe`.
     Describe,
-    /// Request to run it with `--check` and this job.
+    /// Request to run the program with `--check` and this job.
     Check {
         /// Content of the job file.
         job: String,
     },
-    /// Request to run it in a session.
+    /// Request to run the program in a session.
     Run(Box<RunRequest>),
     /// Control message of the plant.
     Control {
@@ -73,7 +73,7 @@ pub struct RunRequest {
     pub boot_id: String,
 }
 
-/// Rule for missing samples: after this time the target's output is the safe command.
+/// Rule for missing samples: after this time the target's output switches to the safe command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Missed {
     /// Sample period in s.
@@ -86,11 +86,11 @@ pub struct Missed {
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
 pub enum ToDesk {
-    /// First message, sent unasked.
+    /// First message, sent without a request.
     Here {
         /// [`PROTOCOL`] of the agent.
         protocol: u32,
-        /// Findings about its machine.
+        /// Findings about the agent's machine.
         findings: Findings,
     },
     /// Request to send the parts of the program, which is not cached.
@@ -138,7 +138,7 @@ pub enum ToDesk {
         what: String,
         /// Number of switches in this run.
         switches: u32,
-        /// `true` if the output is the controller's again.
+        /// `true` if the controller has the output again.
         is_back: bool,
     },
     /// The program has ended.
@@ -170,7 +170,7 @@ pub enum ToDesk {
     Beat,
 }
 
-/// Returns the facts about a session that both ends must agree on; the handshake fails otherwise.
+/// Returns the facts about a session on which both ends must agree; the handshake fails otherwise.
 #[must_use]
 pub fn prologue(blake3: &str, job: &str, epoch: u32) -> Vec<u8> {
     let job = blake3::hash(job.as_bytes()).to_hex();

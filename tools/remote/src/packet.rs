@@ -1,4 +1,4 @@
-//! Packets: the content of a datagram, with one end's newest frame and the number it received from the other.
+//! Packets: the content of a datagram, with one end's latest frame and the number it received from the other end.
 
 use shared_types::frame::{FrameIdentity, Header, MAX_SIGNALS};
 use shared_types::zerocopy::{FromBytes, IntoBytes};
@@ -19,7 +19,7 @@ pub struct Numbered {
 pub struct Packet {
     /// Highest number of the other end's frames that were passed to the peer; 0 for none.
     pub heard: u64,
-    /// Newest frame of this end, if the other has not received it.
+    /// Latest frame of this end, if the other end has not received it.
     pub frame: Option<Numbered>,
 }
 
@@ -55,13 +55,13 @@ pub(crate) struct Form {
     pub(crate) identity: FrameIdentity,
     /// Number of values from the other end.
     pub(crate) count: usize,
-    /// The plant waits for nobody.
+    /// `true` if the plant does not wait for commands.
     pub(crate) against_clock: bool,
 }
 
 impl Form {
-    /// Returns `true` if a frame of the other end has this form. Both ends are authentic, so one that sends another form is of
-    /// another version.
+    /// Returns `true` if a frame of the other end has this form. Both ends are authentic, so an end that sends another
+    /// form is of another version.
     pub(crate) fn fits(&self, frame: &Numbered) -> bool {
         self.identity.check(&frame.header, self.count).is_ok()
     }

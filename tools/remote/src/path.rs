@@ -1,4 +1,4 @@
-//! Path of datagrams: a UDP socket and their encryption. Datagrams of anyone else are ignored.
+//! Path of datagrams: a UDP socket and the encryption of the datagrams. Datagrams from anyone else are ignored.
 
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
@@ -25,7 +25,7 @@ pub(crate) struct DatagramPath {
 /// Opens the target's socket, on the address through which the desk connected.
 ///
 /// # Errors
-/// If it cannot be opened.
+/// If the socket cannot be opened.
 pub(crate) fn listen(address: IpAddr) -> io::Result<UdpSocket> {
     let socket = UdpSocket::bind((address, 0))?;
     socket.set_nonblocking(true)?;
@@ -68,7 +68,7 @@ impl DatagramPath {
         Arc::clone(&self.socket)
     }
 
-    /// Sends a packet. A packet that cannot be sent is lost, like any other on the way.
+    /// Sends a packet. A packet that cannot be sent counts as lost in transit.
     pub(crate) fn send(&mut self, packet: &[u8]) {
         let Some(peer) = self.peer else { return };
         let Ok(sealed) = self.datagrams.close(packet) else {

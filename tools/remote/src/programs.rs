@@ -1,5 +1,5 @@
-//! Programs that an agent may run: those in its own cache, identified by their hashes alone, or those listed when
-//! it was started.
+//! Programs that an agent may run: those in its own cache, identified only by their hashes, or those listed when the
+//! agent was started.
 
 use std::fs;
 use std::io::{self, Write};
@@ -40,7 +40,7 @@ impl AllowedPrograms {
             fs::metadata(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         if metadata.uid() != rustix::process::geteuid().as_raw() || metadata.mode() & 0o022 != 0 {
             return Err(format!(
-                "{} is not a folder of this user alone",
+                "{} is not a folder of this user alone; restrict it with `chmod 700`",
                 folder.display()
             ));
         }
@@ -51,14 +51,14 @@ impl AllowedPrograms {
     /// Creates the list of programs.
     ///
     /// # Errors
-    /// If one cannot be read or is not executable.
+    /// If a program cannot be read or is not executable.
     pub fn listed(programs: &[PathBuf]) -> Result<Self, String> {
         let listed = |program: &PathBuf| {
             let in_words = |error: io::Error| format!("{}: {error}", program.display());
             let metadata = fs::metadata(program).map_err(in_words)?;
             if !metadata.is_file() || metadata.mode() & 0o111 == 0 {
                 return Err(format!(
-                    "{} is not executable; `chmod +x` it, or list another",
+                    "{} is not executable; run `chmod +x` on it, or list another program",
                     program.display()
                 ));
             }
@@ -99,7 +99,7 @@ impl AllowedPrograms {
     /// If only listed programs are allowed, or there is no space.
     pub(crate) fn store(&self, blake3: &str, bytes: u64) -> Result<Storing, Refusal> {
         let Self::Cached(folder) = self else {
-            let reason = "this agent runs only the programs that were listed when it was started";
+            let reason = "this agent runs only the programs that were listed when it was started; add the program with --allow";
             return Err((true, reason.into()));
         };
         if blake3::Hash::from_hex(blake3).is_err() {
@@ -142,7 +142,7 @@ impl AllowedPrograms {
     }
 }
 
-/// Program being received. Dropping it before it is complete removes the file.
+/// Program being received. Dropping the value before the program is complete removes the file.
 #[derive(Debug)]
 pub struct Storing {
     file: fs::File,
@@ -155,7 +155,7 @@ impl Storing {
     /// Adds a part; returns `true` once the program is complete and matches its hash.
     ///
     /// # Errors
-    /// If it is longer than announced, does not match its hash, or there is no space.
+    /// If the program is longer than announced or does not match its hash, or if there is no space.
     pub fn take(&mut self, part: &[u8]) -> Result<bool, String> {
         let in_words = |error: io::Error| format!("cannot store the program: {error}");
         let remaining = self.left.checked_sub(part.len() as u64);

@@ -1,17 +1,17 @@
 //! Choice between datagrams and the channel: a state machine for each end, without input, output or clock.
 //!
-//! Datagrams are faster, but a firewall may drop them, in one direction or both, or only large ones. The channel
-//! always works. So the desk sends every packet as a datagram, and a copy through the channel while datagrams are
-//! in doubt. A frame of the target that arrives as a datagram ends the doubt, whichever copy arrived first;
-//! [`SILENCE_NS`] without a datagram starts it again.
+//! Datagrams are faster, but a firewall may drop them, in one direction or both, or only large ones. The channel always
+//! works. So the desk sends every packet as a datagram, and a copy through the channel while the datagram path is in
+//! doubt. A frame of the target that arrives as a datagram ends the doubt, whichever copy arrived first; [`SILENCE_NS`]
+//! without a datagram starts it again.
 //!
-//! The target must not end that doubt while the desk's own datagrams are lost. So it sends a frame as a datagram
-//! only while frames of the desk arrive as datagrams, and also sends a copy through the channel if the frame it
-//! answers arrived through the channel too.
+//! The target must not end that doubt while the desk's own datagrams are lost. So the target sends a frame as a
+//! datagram only while frames of the desk arrive as datagrams, and also sends a copy through the channel if the
+//! answered frame arrived through the channel too.
 
 use std::fmt;
 
-/// Time without datagrams in ns after which the desk doubts them.
+/// Time without datagrams in ns after which the desk doubts the datagram path.
 pub const SILENCE_NS: u64 = 1_000_000_000;
 /// Time in ns for which the arrival of a datagram at the target proves that others arrive. Shorter than
 /// [`SILENCE_NS`], because the proof must have expired when the desk begins to doubt.
@@ -31,9 +31,9 @@ pub enum Carrier {
 /// Carriers of a packet to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Carriers {
-    /// `true` to send it as a datagram.
+    /// `true` to send the packet as a datagram.
     pub datagram: bool,
-    /// `true` to send it through the channel.
+    /// `true` to send the packet through the channel.
     pub channel: bool,
 }
 
@@ -114,8 +114,8 @@ impl DeskRoute {
         }
     }
 
-    /// Notes a datagram of the target, with or without a frame. Small datagrams may arrive where frames do not, so
-    /// they end no doubt.
+    /// Notes a datagram of the target, with or without a frame. Small datagrams may arrive where frames do not, so a
+    /// datagram without a frame does not end the doubt.
     pub fn received_datagram(&mut self, has_frame: bool, now_ns: u64) -> Option<Notice> {
         let is_noticed = match self.state {
             DeskState::Doubted { is_noticed, .. } => is_noticed,
@@ -179,7 +179,7 @@ impl DeskRoute {
 pub struct TargetRoute {
     /// Time of the last datagram that proves that frames arrive as datagrams.
     proof_ns: Option<u64>,
-    /// Number of the newest frame that arrived through the channel.
+    /// Number of the latest frame that arrived through the channel.
     copied: Option<u64>,
 }
 
@@ -190,7 +190,7 @@ impl TargetRoute {
         Self::default()
     }
 
-    /// Notes a packet of the desk, with the number of the frame in it.
+    /// Notes a packet of the desk, with the number of its frame.
     pub fn received(&mut self, carrier: Carrier, frame: Option<u64>, now_ns: u64) {
         match carrier {
             Carrier::Channel => self.copied = self.copied.max(frame),
@@ -209,8 +209,8 @@ impl TargetRoute {
         self.proof_ns.is_some_and(is_fresh)
     }
 
-    /// Returns the carriers of the reply to a packet without news for the controller; `has_frame` if the reply
-    /// repeats the controller's newest frame.
+    /// Returns the carriers of the reply to a packet without news for the controller; `has_frame` if the reply repeats
+    /// the controller's latest frame.
     #[must_use]
     pub fn of_reply(&self, to: Carrier, has_frame: bool, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);

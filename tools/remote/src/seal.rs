@@ -112,7 +112,7 @@ fn unsealed(_: snow::Error) -> Unsealed {
     Unsealed
 }
 
-/// Keys of one end, one per direction.
+/// Keys of one end, one for each direction.
 pub struct Seal(StatelessTransportState);
 
 impl Seal {
@@ -126,10 +126,10 @@ impl Seal {
             .map_err(unsealed)
     }
 
-    /// Encrypts content with a never-used number as nonce, into `sealed`.
+    /// Encrypts content into `sealed`, with a never-used number as nonce.
     ///
     /// # Errors
-    /// If it is longer than [`Self::LONGEST`].
+    /// If the content is longer than [`Self::LONGEST`].
     pub fn close(&self, number: u64, content: &[u8], sealed: &mut Vec<u8>) -> Result<(), Unsealed> {
         let from = sealed.len();
         sealed.resize(from + content.len() + TAG_BYTES, 0);
@@ -144,7 +144,7 @@ impl Seal {
     /// Decrypts content sealed with this number, into `content`.
     ///
     /// # Errors
-    /// If it is not from the other end, or was changed.
+    /// If the data is not from the other end, or was changed.
     pub fn open(&self, number: u64, sealed: &[u8], content: &mut Vec<u8>) -> Result<(), Unsealed> {
         content.resize(sealed.len(), 0);
         let written = self
@@ -181,7 +181,7 @@ impl Datagrams {
     /// Seals content as the next datagram.
     ///
     /// # Errors
-    /// If it is too long.
+    /// If the content is too long.
     pub fn close(&mut self, content: &[u8]) -> Result<&[u8], Unsealed> {
         self.sent += 1;
         self.sealed.clear();
@@ -193,7 +193,7 @@ impl Datagrams {
     /// Opens a datagram; also returns `true` if it has the highest number so far.
     ///
     /// # Errors
-    /// If it is not from the other end, was changed, or is a replay.
+    /// If the datagram is not from the other end, was changed, or is a replay.
     pub fn open(&mut self, datagram: &[u8]) -> Result<(&[u8], bool), Unsealed> {
         let (number, sealed) = datagram.split_at_checked(NUMBER_BYTES).ok_or(Unsealed)?;
         let number = u64::from_le_bytes(number.try_into().map_err(|_| Unsealed)?);
@@ -227,7 +227,7 @@ impl Window {
         age < 128 && self.came >> age & 1 == 0
     }
 
-    /// Records an authentic datagram; returns `true` if it is the newest.
+    /// Records an authentic datagram; returns `true` if it is the latest.
     const fn note(&mut self, number: u64) -> bool {
         if number > self.highest {
             let newer = number - self.highest;

@@ -1,8 +1,8 @@
 //! Listening agent for boards without `ssh`: any desk with the key may run one of the listed programs, one session
 //! at a time.
 //!
-//! One thread greets all contacts concurrently, even during a session. A contact that has proved that it has the
-//! key gets a thread, on which it waits for its turn.
+//! One thread greets all contacts concurrently, even during a session. A contact that has proved that it has the key
+//! gets a thread, on which it waits for its turn.
 
 mod greetings;
 mod refusals;
@@ -25,8 +25,8 @@ use greetings::{Greeting, Places, Refused};
 use refusals::{Refusals, Source};
 use turn::Turn;
 
-/// Maximum number of contacts accepted before those in progress are read: far fewer than there are slots, so that
-/// each contact is read several times before others can replace it.
+/// Maximum number of contacts accepted before those in progress are read: far fewer than there are slots, so that each
+/// contact is read several times before others can replace it.
 const MOST_AT_ONCE: usize = 16;
 /// Time to wait before accepting again, after a failure to open a file.
 const RETRY: Duration = Duration::from_millis(100);
@@ -34,7 +34,8 @@ const RETRY: Duration = Duration::from_millis(100);
 /// Serves one desk after another, forever.
 ///
 /// # Errors
-/// If it cannot listen at the address, the key is invalid, or a listed program cannot be read or is not executable.
+/// If the agent cannot listen at the address, the key is invalid, or a listed program cannot be read or is not
+/// executable.
 pub fn serve(
     listen: SocketAddr,
     key_file: &Path,
@@ -86,7 +87,7 @@ struct Reception {
 }
 
 impl Reception {
-    /// Sleeps until a contact sends something or something is due.
+    /// Sleeps until a contact sends something or a deadline is due.
     fn sleep(&self) {
         let due = [self.places.next(), self.refusals.next(), self.retry];
         let due = due.into_iter().flatten().min();
@@ -157,7 +158,7 @@ impl Reception {
     }
 }
 
-/// Serves a desk that has the key, once it is its turn.
+/// Serves a desk that has the key, once it is the desk's turn.
 fn session(
     connection: TcpStream,
     seal: Seal,

@@ -1,4 +1,5 @@
-//! Sleep until shared memory or the wire has data: on whichever is expected, polling the other at short intervals.
+//! Sleep until shared memory or the wire has data: sleeps on whichever is expected, and polls the other at short
+//! intervals.
 
 use std::cell::Cell;
 use std::net::UdpSocket;
@@ -16,11 +17,12 @@ use crate::path::DatagramPath;
 
 /// Maximum sleep in ns on one of them while the other may have data too.
 const SLICE_NS: u64 = 200_000;
-/// Maximum sleep in ns otherwise: a sleep on the wire does not notice the bell, and some checks are due by time.
+/// Maximum sleep in ns otherwise, because a sleep on the wire does not notice the bell, and some checks are due by
+/// time.
 const LONGEST_NS: u64 = 5_000_000;
 
-/// Creates the waiter of one end, whose limit is checked elsewhere, and the handle that selects where to sleep.
-/// With fewer cores than loops it never spins, which would take time from the others.
+/// Creates the waiter of one end, whose limit is checked elsewhere, and the handle that selects where to sleep. With
+/// fewer cores than loops the waiter never spins, because that would take time from the others.
 pub(crate) fn waiter(
     both_here: bool,
     bell: Bell,
@@ -47,7 +49,7 @@ pub(crate) fn waiter(
 pub(crate) struct LateBell(Arc<OnceLock<Bell>>);
 
 impl LateBell {
-    /// Sets the bell to ring.
+    /// Sets the bell to be rung.
     pub(crate) fn is(&self, bell: Bell) {
         let _ = self.0.set(bell); // a process has a single link
     }

@@ -1,8 +1,8 @@
 //! Start of an agent through the user's own `ssh`: keys, configuration and jump hosts all work.
 //!
-//! The remote command is a constant. Everything else goes through its standard input, once its marker has been
-//! received, so nothing of a scenario or a command line reaches the remote shell. The agent's file is stored there
-//! under its SHA-256, which is verified before every start.
+//! The remote command is a constant. Everything else is sent through its standard input, once its marker has been
+//! received, so nothing from a scenario or a command line reaches the remote shell. The agent's file is stored on the
+//! target under its SHA-256, which is verified before every start.
 
 use std::io::{self, Read, Write};
 use std::process::{Child, ChildStdin, ChildStdout, Command, Stdio};
@@ -25,7 +25,7 @@ use crate::way::{TargetError, Way};
 const SCRIPT: &str = r#"umask 077; c="${XDG_CACHE_HOME:-$HOME/.cache}/hil-target"; mkdir -p "$c" && chmod 700 "$c" && [ -O "$c" ] || { echo "HIL-TARGET no-cache $c"; exit 1; }; echo "HIL-TARGET 1 $(uname -m)"; read -r h n || exit 1; case "$h" in *[!0-9a-f]*|"") exit 1;; esac; f="$c/$h"; ok() { [ -f "$1" ] && [ -O "$1" ] && [ "$(sha256sum <"$1" | cut -c1-64)" = "$h" ]; }; if ok "$f"; then echo have; else p="$f.part$$"; echo send; head -c "$n" >"$p" && sync; if ok "$p" && chmod 500 "$p" && mv -f "$p" "$f"; then echo stored; else rm -f "$p"; echo broken; exit 1; fi; fi; exec "$f" agent"#;
 /// Prefix of the line that announces the script.
 const MARKER: &str = "HIL-TARGET ";
-/// Maximum number of bytes that a noisy profile may print before it.
+/// Maximum number of bytes that a noisy profile may print before the marker.
 const MOST_NOISE: usize = 64 << 10;
 /// Time limit for `ssh` to connect, in s.
 const CONNECT_S: u32 = 10;
@@ -36,7 +36,7 @@ const LOOK: Timespec = Timespec {
 };
 /// Time limit for the script to start, and to answer.
 const SPEAKS: Duration = Duration::from_secs(20);
-/// Time limit for sending a part of the agent, and for the arrival of the last.
+/// Time limit for sending a part of the agent, and for the arrival of the last part.
 const COPIES: Duration = Duration::from_secs(60);
 
 type Opened = (Ear<ToDesk>, Mouth, Leash);
@@ -168,7 +168,9 @@ impl Start<'_> {
         let (mut noise, since) = (0, Instant::now());
         loop {
             if since.elapsed() > SPEAKS {
-                return Err(self.way.usage("its shell profile does not finish"));
+                return Err(self
+                    .way
+                    .usage("its shell profile does not finish; it must end without input"));
             }
             let line = self.line(SPEAKS)?;
             // A profile may print an unterminated line before it.
@@ -207,7 +209,7 @@ impl Start<'_> {
         }
     }
 
-    /// Reads a line byte by byte: the data after the last line is the agent's.
+    /// Reads a line byte by byte, because the data after the last line belongs to the agent.
     fn line(&mut self, limit: Duration) -> Result<String, TargetError> {
         let (mut line, since) = (Vec::new(), Instant::now());
         loop {

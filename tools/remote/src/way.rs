@@ -1,4 +1,4 @@
-//! Route to a target: its name, its agent and its key, and errors that name it.
+//! Route to a target: its name, its agent and its key, and errors that include the name.
 
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -45,8 +45,7 @@ pub struct Way {
     pub silence: Duration,
 }
 
-/// Returns the static agent for a machine type in the build folder of this program, and the agent beside the
-/// program.
+/// Returns the static agent for a machine type in the build folder of this program, and the agent next to this program.
 fn agents(own: &Path, machine: &str) -> (Option<PathBuf>, PathBuf) {
     let beside = own.with_file_name("hil-target");
     let profile = own.parent().and_then(Path::file_name);
@@ -76,8 +75,8 @@ impl Way {
         self
     }
 
-    /// Returns the agent for a machine type and the program beside this one, if the agent was not named and is
-    /// older: it was not rebuilt with this program.
+    /// Returns the agent for a machine type and the program next to this one, if the agent was not named and is older,
+    /// which means that it was not rebuilt with this program.
     #[must_use]
     pub fn stale_agent(&self, machine: &str) -> Option<(PathBuf, PathBuf)> {
         if self.agent.is_some() {
@@ -108,11 +107,11 @@ impl Way {
         }
     }
 
-    /// Finds the agent for a machine type: the named one, else a static build in the folder of this build, else the
-    /// one beside this program.
+    /// Finds the agent for a machine type: the named agent, or else a static build in the folder of this build, or else
+    /// the agent next to this program.
     ///
     /// # Errors
-    /// If there is none for this machine; the error states how to build one.
+    /// If there is no agent for this machine; the error states how to build one.
     pub fn agent_for(&self, machine: &str) -> Result<PathBuf, TargetError> {
         if let Some(named) = &self.agent {
             let built = built_for(named)
@@ -121,7 +120,7 @@ impl Way {
                 return Ok(named.clone());
             }
             return Err(self.usage(format!(
-                "{} is built for {}, the target is {machine}",
+                "{} is built for {}, but the target is {machine}",
                 named.display(),
                 built.as_deref().unwrap_or("no machine")
             )));

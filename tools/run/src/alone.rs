@@ -1,7 +1,8 @@
 //! Run in the calling thread: no session, no folder, no recording and no other thread.
 //!
-//! For very many runs of the plants and laws built into `hil`. Engine, runner and recorder are the same as in every
-//! other run, so digest, metrics and requirements are too. Never blocks: both sides and the recorder take turns.
+//! Used for large numbers of runs of the plants and laws built into `hil`. Engine, runner and recorder are the same as
+//! in every other run, and so are digest, metrics and requirements. Never blocks: both sides and the recorder take
+//! turns.
 
 use std::sync::Arc;
 
@@ -43,7 +44,7 @@ pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
     match plan.run.clock {
         Clock::Lockstep => Ok(()),
         Clock::Paced { .. } | Clock::Realtime => Err(Failure::usage(format!(
-            "run.clock = \"{}\": runs without processes are in lockstep, which follows no clock",
+            "run.clock = \"{}\": runs without processes are in lockstep, which ignores the clock",
             plan.run.clock.name()
         ))),
     }
@@ -66,7 +67,7 @@ fn jobs_of(
     Ok((plant, controller, layout))
 }
 
-/// Checks the jobs of a plan like `--check` of the programs.
+/// Checks the jobs of a plan as `--check` of the programs does.
 ///
 /// # Errors
 /// The objection of a side to its job.

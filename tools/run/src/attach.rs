@@ -1,5 +1,5 @@
-//! Attachment of the recorder to the record stream of a session: requires files closed to other users and the
-//! layout that both programs described.
+//! Attachment of the recorder to the record stream of a session: requires files closed to other users, and the layout
+//! that both programs described.
 
 use std::time::Duration;
 
@@ -12,8 +12,8 @@ use shared_types::record::RecordLayout;
 /// Number of attempts to close session files to other users before the run is refused.
 const LOOKS: u32 = 20;
 
-/// Attaches the recorder: first to the stream, then checks the layout that the plant writes after hello, which must
-/// equal the described one.
+/// Attaches the recorder: first to the stream; then checks that the layout that the plant writes after hello equals the
+/// described one.
 pub(super) fn attach(
     session: &SessionInfo,
     described: &RecordLayout,
@@ -40,8 +40,8 @@ pub(super) fn attach(
     Ok(source.take().map(|source| (source, described.clone())))
 }
 
-/// Closes files that are open to other users, and refuses those that cannot be closed. A file being created may be
-/// open between two attempts.
+/// Closes files that are open to other users, and refuses those that cannot be closed. A file that is being created may
+/// be open between two attempts.
 fn refuse_open(session: &SessionInfo) -> Result<(), String> {
     for _ in 0..LOOKS {
         session.tighten();

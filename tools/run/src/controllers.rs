@@ -1,7 +1,7 @@
 //! Controllers of a run: the active one, its predecessors, and the next one.
 //!
-//! The plant decides which one is active and reports it in the record stream; here processes are started and ended
-//! accordingly.
+//! The plant decides which controller is active and reports it in the record stream; here processes are started and
+//! ended accordingly.
 
 use std::path::PathBuf;
 use std::sync::PoisonError;
@@ -26,7 +26,7 @@ use crate::swap::{SwapRequest, Swapped};
 
 /// Maximum number of restarts of a lost controller in one run.
 const RESTARTS: u32 = 3;
-/// Time limit for a controller to end by itself after it stopped being active.
+/// Time limit for a controller to end by itself after it is no longer active.
 const PARTING: Duration = Duration::from_millis(500);
 
 /// All controllers started in a run.
@@ -36,7 +36,7 @@ pub(super) struct Controllers {
     run_dir: PathBuf,
     session: SessionInfo,
     restarts: u32,
-    /// Reason that no controller is restarted any more.
+    /// Reason why no controller is restarted any more.
     exhausted: Option<String>,
     /// Number of processed controller changes.
     known: usize,
@@ -54,16 +54,16 @@ struct Member {
     side: SideProcess,
     binary: Binary,
     job: Job,
-    /// Values of the scenario changed for it.
+    /// Values of the scenario changed for the controller.
     set: Vec<String>,
     standing: Role,
-    /// `true` once the plant was told to expect it.
+    /// `true` once the plant was told to expect the controller.
     is_announced: bool,
-    /// Time at which the plant was told that the controller has ended.
+    /// Time at which the plant was told that the controller had ended.
     plant_told_at: Option<Instant>,
     /// `true` once the controller was told that the run is over.
     is_told_of_end: bool,
-    /// Request that led to its start.
+    /// Request that caused the controller's start.
     asked: Option<Requester>,
 }
 
@@ -107,8 +107,8 @@ enum Role {
 }
 
 impl Controllers {
-    /// Waits until the first controller can be expected to say hello, which on a target takes as long as `ssh`
-    /// does; or until it has ended, or the wait is interrupted.
+    /// Waits until the first controller can be expected to say hello (on a target, this takes as long as `ssh` does),
+    /// until it has ended, or until the wait is interrupted.
     pub(super) fn wait_until_ready(&mut self, interruption: &Interruption) {
         let Self {
             members, session, ..
@@ -125,7 +125,7 @@ impl Controllers {
     /// Starts the first controller, unless it was started by hand.
     ///
     /// # Errors
-    /// If it cannot be started.
+    /// If the controller cannot be started.
     pub(crate) fn start(
         session: &mut Session,
         run_dir: PathBuf,
@@ -235,7 +235,7 @@ impl Controllers {
             .filter_map(|member| member.side.ending())
     }
 
-    /// Returns `true` if the active controller has died and that ends the run. During a takeover, only the plant
+    /// Returns `true` if the active controller has died and its death ends the run. During a takeover, only the plant
     /// knows which controller is active.
     pub(super) fn death_ends_run(&mut self) -> bool {
         if self.is_one_coming() {
@@ -257,8 +257,8 @@ impl Controllers {
         self.members.iter().any(coming)
     }
 
-    /// Returns `true` if the plant was told more than `limit` ago that a controller has ended, and has not reported
-    /// the consequence.
+    /// Returns `true` if the plant was told more than `limit` ago that a controller had ended, and has not reported the
+    /// consequence.
     pub(super) fn plant_is_silent(&self, limit: Duration) -> bool {
         self.members.iter().any(|member| {
             member.standing == Role::InOffice
@@ -268,7 +268,7 @@ impl Controllers {
         })
     }
 
-    /// Returns the reason that no lost controller is restarted any more, if there is one.
+    /// Returns the reason why no lost controller is restarted any more, if there is one.
     pub(super) fn exhausted(&self) -> Option<String> {
         self.exhausted.clone()
     }
@@ -276,7 +276,7 @@ impl Controllers {
     /// Describes a controller reported by the plant that was never started.
     pub(crate) fn unknown(&self) -> Option<String> {
         let describe =
-            |epoch| format!("the plant reports controller {epoch}, which was not started");
+            |epoch| format!("the plant reports controller {epoch}, which was never started");
         self.unknown.map(describe)
     }
 
@@ -350,7 +350,7 @@ impl Controllers {
         }
     }
 
-    /// Processes the plant's report: the active controller, and one to restart.
+    /// Processes the plant's report of the active controller, and of one to restart.
     pub(crate) fn hear(
         &mut self,
         session: &mut Session,
@@ -427,7 +427,7 @@ impl Controllers {
             return; // another one was just requested
         }
         if self.restarts == RESTARTS {
-            let most = format!("it was restarted {RESTARTS} times, the maximum");
+            let most = format!("it was already restarted {RESTARTS} times, which is the maximum");
             self.exhausted = Some(most);
             plant.tell(&format!("{PEER_GONE} {}", self.next_epoch()));
             return;

@@ -1,4 +1,5 @@
-//! Data of a run around its scenario: what it is made with, what it repeats or goes on from, and what comes of it.
+//! Data of a run outside its scenario: its programs and settings, the run or checkpoint that it repeats or continues,
+//! and its result.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -56,21 +57,21 @@ pub struct Repeated {
 /// Result of a run.
 pub struct RunResult {
     pub exit: Exit,
-    /// Digests after certain numbers of records, as far as they were requested and exist.
+    /// Digests after certain numbers of records, as far as requested and available.
     pub partial_digests: BTreeMap<u64, String>,
     /// Curve of a campaign's case, if recorded.
     pub curve: Option<Curve>,
     /// Recording, if there is one.
     pub recording: Option<PathBuf>,
-    /// Path of its folder.
+    /// Path of the run's folder.
     pub folder: PathBuf,
     pub summary: Summary,
     /// Summary as JSON.
     pub json: String,
     /// Returns the summary as a table.
     pub table: String,
-    /// Failure to write the summary. Reported after the summary: neither a full disk nor a broken output may hide
-    /// the other.
+    /// Failure to write the summary. Reported after the summary, because neither a full disk nor a broken output may
+    /// hide the other.
     pub written: Result<(), Failure>,
 }
 

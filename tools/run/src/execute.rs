@@ -1,6 +1,6 @@
 //! Execution of a checked scenario, from preparation to summary.
 //!
-//! Called by every command that runs a scenario. Judges nothing itself, and knows of no other run.
+//! Called by every command that runs a scenario. Judges nothing, and does not know other runs.
 
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;

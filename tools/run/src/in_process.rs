@@ -26,7 +26,7 @@ use super::realtime::Watched;
 /// Interval between checks for an early end of the run.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Checks both jobs like `--check` of their programs.
+/// Checks both jobs as `--check` of their programs does.
 ///
 /// # Errors
 /// The objection of a side to its job.
@@ -126,7 +126,7 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
     Ok(EndedRun::new(recorded, outcome, reason))
 }
 
-/// Judges parameters of plant and law by starting each with them.
+/// Judges parameters of plant and law by starting each side with them.
 fn objections(
     plant: plant_process::job::Job,
     job: controller_process::job::Job,

@@ -97,7 +97,7 @@ pub(super) fn with_law(
     }
 }
 
-/// Returns the job with other values of some parameters, for a law to judge; it resumes from nothing.
+/// Returns the job with other values of some parameters, for a law to judge; the job resumes from no checkpoint.
 pub(super) fn tuned(
     mut job: controller_process::job::Job,
     parameters: &describe::Settings,

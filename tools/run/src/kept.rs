@@ -1,7 +1,7 @@
 //! Persistent processes: one session and one pair of processes for many consecutive runs.
 //!
-//! For very many short runs of user programs, whose start would take longer than the run. Writes no run folder and
-//! accepts no live requests. A pair left in disorder by a run is ended; the next run starts a new one.
+//! Used for large numbers of short runs of user programs whose start would take longer than the run. Writes no run
+//! folder and accepts no live requests. A pair left in disorder by a run is ended; the next run starts a new pair.
 
 use std::sync::Arc;
 
@@ -23,9 +23,9 @@ use super::recorder::direct::take_run;
 use super::settings::Settings;
 use super::side::{LOOK, SideProcess};
 
-/// Maximum number of persistent pairs; each sleeps while another one runs.
+/// Maximum number of persistent pairs, all but one of which sleep.
 const MOST_PAIRS: usize = 16;
-/// Maximum number of runs of a pair between two that are repeated as a check.
+/// Maximum number of runs of a pair between two runs that are repeated as a check.
 const UNCHECKED: u64 = 251;
 
 /// Persistent processes: a pair for each layout of records.
@@ -51,7 +51,7 @@ struct Pair {
 }
 
 impl Kept {
-    /// None yet. A side of a run may take so many seconds to answer.
+    /// Creates an empty set of pairs. A side of a run may take this number of seconds to answer.
     #[must_use]
     pub fn new(wait_limit_s: f64) -> Self {
         Self {
@@ -63,8 +63,8 @@ impl Kept {
         }
     }
 
-    /// Executes a plan in an existing or a new pair; also returns whether the run should be repeated in new
-    /// processes as a check, as a few of many are. A pair lost before the first record of the run is replaced,
+    /// Executes a plan in an existing or a new pair; also returns whether the run should be repeated in new processes,
+    /// which is a check made for a few of many runs. A pair lost before the first record of the run is replaced,
     /// because the run did not cause its end.
     ///
     /// # Errors
@@ -143,8 +143,8 @@ impl Kept {
     }
 }
 
-/// Writes the jobs of a run to the session's folder. The session number in frames differs between runs, so that a
-/// late frame of one is refused in the next.
+/// Writes the jobs of a run to the session's folder. The session number in frames differs between runs, so that a late
+/// frame of one run is refused in the next.
 fn write_jobs(
     plan: &Plan,
     binaries: &Binaries,
@@ -206,8 +206,8 @@ impl Pair {
         })
     }
 
-    /// Returns `true` if the finished run should be repeated: the second one of the pair, and then fewer and fewer,
-    /// at odd and even numbers, as variants alternate.
+    /// Returns `true` if the finished run should be repeated: the second run of the pair, and later ones at growing
+    /// intervals, at odd and even numbers because variants alternate.
     fn is_to_check(&mut self) -> bool {
         let is_to_check = self.runs == self.checked;
         if is_to_check {

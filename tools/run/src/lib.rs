@@ -1,22 +1,22 @@
-//! A run from checked scenario to summary: its processes or its one thread, the recorder, the real-time settings,
-//! and controller changes. Decides nothing about several runs, and compares nothing.
+//! A run from checked scenario to summary: its processes or its thread, the recorder, the real-time settings, and
+//! controller changes. Decides nothing about several runs, and compares nothing.
 //!
 //! 1. [`settings`] checks the options from the command line.
 //! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
-//! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
-//!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
-//!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
-//!    ended; to hold or to take the safe command is the plant's, in `plant_process::engine`.
-//!    `manual_start` waits before that for the sides that somebody starts by hand.
-//! 4. `conclude` makes checkpoints, summary and exit code of what came of it; `restoration` checks each checkpoint with
+//! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream. Both end a run whose
+//!    recorder failed, for example on a full disk, and `processes` ends a run whose side died. `controllers` restarts a
+//!    lost controller or lets its loss end the run, and `termination` states why the run ended; the policies `hold` and
+//!    `safe-command` are implemented by the plant, in `plant_process::engine`. Before that, `manual_start` waits for
+//!    sides that are started by hand.
+//! 4. `conclude` makes checkpoints, summary and exit code from the result; `restoration` checks each checkpoint with
 //!    second sides.
 //!
-//! Meanwhile `attach` connects the recorder to the stream, [`swap`] brings another controller, `objections` asks
-//! the programs about changed parameters, `pause` reports that a run is paused, and `log` limits the size of logs.
+//! Meanwhile `attach` connects the recorder to the stream, [`swap`] starts another controller, `objections` has the
+//! programs judge changed parameters, `pause` reports that a run is paused, and `log` limits the size of logs.
 //! [`realtime`] applies the settings of `hil` itself, and [`open_files`] ensures a sufficient limit of open files.
 //!
-//! For very many runs, [`alone`] is a run in one thread with neither session nor folder, and [`kept`] reuses the
-//! processes of one run for the next.
+//! For large numbers of runs, [`alone`] executes a run in one thread with neither session nor folder, and [`kept`]
+//! reuses the processes of one run for the next.
 
 #![expect(
     rustdoc::private_intra_doc_links,

@@ -1,8 +1,8 @@
 //! Log of a process: its output, limited in size on disk, in memory and on display.
 //!
-//! The process appends to a file, so neither the process nor `hil` ever waits for the other, as a pipe would force
-//! them to. [`processes`](super::processes) checks the length while it supervises the process; of a log that grew
-//! too long the beginning and the end are kept, with a line between them that states the number of omitted bytes.
+//! The process appends to a file, so neither the process nor `hil` ever waits for the other, as with a pipe.
+//! [`processes`](super::processes) checks the length while it supervises the process; if a log grows too long, its
+//! beginning and end are kept, with a line between them that states the number of omitted bytes.
 
 use std::fs::File;
 use std::io::{self, Write};
@@ -15,7 +15,7 @@ use shared_types::text;
 const LONGEST_BYTES: u64 = 8 << 20;
 /// Length of the beginning and of the end kept of a longer log.
 const KEPT_BYTES: u64 = 1 << 20;
-/// Maximum number of reads of the end of a growing log.
+/// Maximum number of attempts to read the end of a growing log.
 const LOOKS: u32 = 16;
 /// Length read at each end for display.
 const READ_BYTES: u64 = 64 << 10;
@@ -35,7 +35,7 @@ impl Log {
     /// Creates the log file.
     ///
     /// # Errors
-    /// If it cannot be written, or already exists.
+    /// If the file cannot be written, or already exists.
     pub(crate) fn create(path: PathBuf) -> io::Result<Self> {
         let mut options = File::options();
         let file = (options.read(true).append(true).create_new(true)).open(&path)?;
@@ -109,7 +109,7 @@ impl Log {
         Some(text::line(line.trim_start_matches("error: ")))
     }
 
-    /// Returns the error with this beginning that its process ended with, without the prefix `error`.
+    /// Returns the error with this beginning with which the process ended, without the prefix `error`.
     pub(super) fn last_error(&self, begin: &str) -> Option<String> {
         let line = self.last_line()?;
         // Other writers to the same log may leave lines unterminated.
@@ -160,7 +160,7 @@ impl Log {
         self.read(self.length().saturating_sub(bytes), bytes)
     }
 
-    /// Reads up to `bytes` bytes from an offset; fewer if the log ends before, none if it cannot be read.
+    /// Reads up to `bytes` bytes from an offset; fewer if the log ends earlier, none if it cannot be read.
     fn read(&self, from: u64, bytes: u64) -> Vec<u8> {
         let there = self.length().saturating_sub(from).min(bytes);
         let mut content = vec![0; usize::try_from(there).unwrap_or(0)];

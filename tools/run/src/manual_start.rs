@@ -1,8 +1,8 @@
-//! Sides started by hand, for example in a debugger: prints the command that starts each, and admits a process that
-//! presents the session's token and runs the checked program.
+//! Sides started by hand, for example in a debugger: prints the command that starts each side, and admits a process
+//! that presents the session's token and runs the checked program.
 //!
-//! Waits without a time limit before anything else of the run is started. The sockets stay open until the end of
-//! the run, so that a second process is told why it is refused.
+//! Waits without a time limit before anything else of the run is started. The sockets stay open until the end of the
+//! run, so that a second process receives the reason for its refusal.
 
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -107,7 +107,7 @@ fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<()
     let words = [program, &prepared.session.folder].map(Path::to_str);
     let [Some(program), Some(folder)] = words else {
         return Err(Failure::usage(format!(
-            "{}: its path is not valid UTF-8, so no command can be printed",
+            "{}: its path is not valid UTF-8, so no command can be printed; rename the path",
             program.display()
         )));
     };
@@ -163,7 +163,8 @@ fn open(
     Ok(listening)
 }
 
-/// Checks a process that asks to be a side: first its token, without which it learns nothing else.
+/// Checks a process that asks to be a side, beginning with its token; without a valid token the process learns nothing
+/// else.
 fn judge(
     client: &UnixStream,
     Entry { token, process }: &Entry,
@@ -174,7 +175,7 @@ fn judge(
     let side = role.name();
     if !own.is(token) {
         return Err(format!(
-            "the token is not that of the {side} of this session"
+            "the token does not belong to the {side} of this session"
         ));
     }
     let peer = socket_peercred(client).map_err(|error| error.to_string())?;
@@ -198,7 +199,7 @@ fn judge(
     if actual != binary.blake3 {
         let (path, expected) = (binary.path.display(), &binary.blake3);
         return Err(format!(
-            "process {pid} runs {program} with hash {actual}, but {path} with hash {expected} was checked: start that, or name yours with --{side}-bin"
+            "process {pid} runs {program} with hash {actual}, but the checked program is {path} with hash {expected}: start that program, or name yours with --{side}-bin"
         ));
     }
     Ok(*process)

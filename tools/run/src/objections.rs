@@ -1,5 +1,5 @@
-//! Objections to parameters of plant and law: before the plant accepts a change, it asks here, and the program in
-//! question is run with `--check` on a job with the new values.
+//! Objections to parameters of plant and law: before the plant accepts a change, it sends a query here, and the program
+//! in question is run with `--check` on a job with the new values.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -21,7 +21,7 @@ const FILE: &str = "judge.json";
 /// Started controllers: program and job of each, by their numbers from 1.
 pub(super) type Programs = Arc<Mutex<Vec<(Binary, Job)>>>;
 
-/// Answers such questions until the returned value is dropped.
+/// Answers such queries until the returned value is dropped.
 ///
 /// # Errors
 /// If the socket cannot be created.
@@ -71,7 +71,7 @@ fn check_controller(
     let target = binary.at.as_ref().map(Reached::target);
     if let Some(target) = target.filter(|target| matches!(target, Target::Serve(_))) {
         return Err(format!(
-            "{target} serves one session at a time, so its program cannot judge other parameters meanwhile; `[[changes]]` of a scenario are judged before the run"
+            "{target} serves one session at a time, so its program cannot judge other parameters during a run; use `[[changes]]` of a scenario, which are judged before the run"
         ));
     }
     let job = jobs::tuned(job, &question.parameters);

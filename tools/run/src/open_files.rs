@@ -1,10 +1,10 @@
-//! Limit of open files of a process: with too few, operations on shared memory fail with misleading errors.
+//! Limit of open files of a process: if it is too low, operations on shared memory fail with misleading errors.
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
 use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 
-/// Maximum number of open files of a process in a run: 48 in all were too few without handover, 52 were enough.
+/// Minimum limit: without handover, 48 files were too few for a process in a run, and 52 were enough.
 const LEAST: u64 = 64;
 /// Limit sufficient for many handovers and any number of monitors.
 const ENOUGH: u64 = 512;

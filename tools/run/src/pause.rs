@@ -1,5 +1,5 @@
-//! Detection of a paused run: the run's own terminal shows the step at which it is paused and how to resume it. The
-//! plant is queried only once nothing has happened for a while.
+//! Detection of a paused run: the run's own terminal shows the step at which the run is paused and how to resume it.
+//! The plant is queried only after a while without new records.
 
 use std::time::{Duration, Instant, SystemTime};
 
@@ -16,7 +16,7 @@ const ANSWER_LIMIT: Duration = Duration::from_millis(100);
 /// Pause detection for one run.
 pub(super) struct PauseLookout {
     next_step: u64,
-    /// Time of the newest record.
+    /// Time of the latest record.
     since: SystemTime,
     asked: Instant,
     is_known: bool,
@@ -32,7 +32,7 @@ impl PauseLookout {
         }
     }
 
-    /// Shows the executed steps, and a pause that has lasted for a while.
+    /// Shows the executed steps, and any pause that has lasted for a while.
     pub(crate) fn look(&mut self, next_step: u64, session: &SessionInfo, progress: &mut Progress) {
         progress.set(next_step);
         if next_step != self.next_step {

@@ -1,4 +1,4 @@
-//! Preparation of a run: checks that need its plan, its session, its folder and its jobs.
+//! Preparation of a run: the checks that need its plan, its session, its folder and its jobs.
 //!
 //! No side runs yet, except that both programs check their jobs.
 
@@ -40,7 +40,7 @@ const SUMMARY_BYTES: u64 = 256 << 10;
 /// Checks a run and creates its session and its folder.
 ///
 /// # Errors
-/// If it cannot be run as requested.
+/// If the run cannot be executed as requested.
 pub(super) fn prepare(
     plan: Plan,
     environment: Environment,
@@ -197,7 +197,7 @@ fn check(
     }
     if plan.run.clock == Clock::Realtime && settings.link == LinkKind::InProcess {
         return Err(Failure::usage(
-            "--clock realtime needs two processes: in one thread neither side can be late for the other; omit --link in-process",
+            "--clock realtime needs two processes, because in one thread neither side can be late for the other; omit --link in-process",
         ));
     }
     settings.by_hand.check(binaries)?;
@@ -210,13 +210,13 @@ fn check(
         if let Some(at) = &binaries.controller.at {
             let target = at.target();
             return Err(Failure::usage(format!(
-                "checkpoints with --target {target}: the controller's state is on the target, where nothing is stored"
+                "--checkpoint-at cannot be used with --target {target}, because the controller's state is on the target, where nothing is stored; omit one of them"
             )));
         }
     }
     if !steps.is_empty() && plan.run.on_controller_loss != OnLoss::Abort {
         return Err(Failure::usage(format!(
-            "--checkpoint-at with run.on_controller_loss = \"{}\": a lost controller's state cannot be saved",
+            "--checkpoint-at cannot be used with run.on_controller_loss = \"{}\", because a lost controller's state cannot be saved; use \"abort\"",
             plan.run.on_controller_loss.name()
         )));
     }
@@ -225,13 +225,13 @@ fn check(
         && !repeated.missed.is_empty()
     {
         return Err(Failure::usage(
-            "--checkpoint-at: the repeated run was in real time; the commands that its controller missed cannot be saved",
+            "--checkpoint-at cannot be used here: the repeated run was in real time, and the commands that its controller missed cannot be saved; omit --checkpoint-at",
         ));
     }
     Ok(steps)
 }
 
-/// Reports the maximum size of the recording, if a user watches or the disk may lack space.
+/// Prints the maximum size of the recording, if a user watches or the disk may lack space.
 fn tell_size(plan: &Plan, layout: &RecordLayout, settings: &Settings) -> Result<(), Failure> {
     let all = Choice::default();
     let recording = settings.recording.as_ref();

@@ -1,5 +1,4 @@
-//! A run that can begin: all that both sides, the recorder and the conclusion need of it. Starts nothing but the
-//! recorder.
+//! A run that can begin: everything that both sides, the recorder and the conclusion need. Starts only the recorder.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -30,7 +29,7 @@ pub(super) struct PreparedRun {
     pub(super) session: SessionInfo,
     /// Time of the run's start.
     pub(super) started_utc: String,
-    /// Path of its folder.
+    /// Path of the run's folder.
     pub(super) folder: PathBuf,
     /// Disk space reserved for the summary.
     pub(super) reserve: Reserve,
@@ -39,15 +38,15 @@ pub(super) struct PreparedRun {
     pub(super) plant: plant_process::job::Job,
     pub(super) controller: controller_process::job::Job,
     pub(super) recording: Option<RecordingPlan>,
-    /// Layout of its records, as both programs describe it.
+    /// Layout of the run's records, as both programs describe it.
     pub(super) layout: RecordLayout,
     /// Steps before which the state is saved.
     pub(super) checkpoints: Vec<Step>,
     /// Numbers of records after which an additional digest is taken.
     pub(super) marks: Vec<u64>,
-    /// Records that the run continues.
+    /// Records of the run that this run continues.
     pub(super) past: Option<PastRecords>,
-    /// Checkpoint that it continues from.
+    /// Checkpoint from which the run continues.
     pub(super) resumed: Option<Resumed>,
 }
 
@@ -88,7 +87,7 @@ impl PreparedRun {
     }
 }
 
-/// Removes the folder of a run with its scenario, if there is nothing else in it.
+/// Removes the folder of a run and the scenario in it, if there is nothing else in the folder.
 pub(super) fn leave(folder: &Path) {
     let _ = std::fs::remove_file(folder.join(SCENARIO));
     let _ = std::fs::remove_dir(folder);

@@ -1,4 +1,4 @@
-//! Run in two processes: starts and supervises them, and ends both whatever happens.
+//! Run in two processes: starts and supervises them, and always ends both.
 
 use std::sync::Arc;
 use std::sync::mpsc::Receiver;
@@ -30,7 +30,7 @@ use crate::open_files;
 use crate::recorder::Recorder;
 use crate::swap::{self, SwapContext, SwapRequest};
 
-/// Polling interval for a run. Each poll takes a core from the loop; the end of a process is noticed at once.
+/// Polling interval for a run, because each poll takes a core from the loop; the end of a process is noticed at once.
 const WATCH: Duration = Duration::from_millis(10);
 
 /// Minimum time limit for the recorder to progress in the stream of dead sides, even on a busy machine.
@@ -164,7 +164,7 @@ struct Watch<'a> {
     progress: &'a mut Progress,
     pause: PauseLookout,
     realtime: &'a mut Watched,
-    /// Time since which the run is to end.
+    /// Time since which the run should end.
     ending_since: Option<Instant>,
     /// Time since which the plant is stopped.
     stopped_since: Option<Instant>,
@@ -295,8 +295,8 @@ impl Watch<'_> {
         }
     }
 
-    /// Returns the time limit for a side to end after the other one: after a complete run as long as a step may
-    /// take, because an FMU may have much to free.
+    /// Returns the time limit for a side to end after the other: after a complete run it is as long as a step may take,
+    /// because an FMU may have much to free.
     fn grace(&self) -> Duration {
         let is_complete = !self.plant.told_to_stop
             && match self.first {

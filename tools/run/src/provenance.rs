@@ -106,7 +106,7 @@ pub(super) fn of(
     }
     if is_one_named && let Err(why) = seal::seal(&mut facts) {
         tell!(
-            "note: the recording cannot be marked as this user's ({why}): `hil rerun` will ask for its programs"
+            "note: the recording cannot be marked as this user's ({why}), so `hil rerun` will ask for its programs"
         );
     }
     if let Some(recording) = settings

@@ -1,8 +1,7 @@
-//! Real-time settings of a run: checked before it, applied to `hil` itself, and reported as requested and as
-//! granted.
+//! Real-time settings of a run: checked in advance, applied to `hil` itself, and reported as requested and as granted.
 //!
-//! Plant and controller apply theirs themselves and write a [`Report`] to the session's folder. Refused settings
-//! are reported once on standard error, with the command that fixes each; the run continues.
+//! Plant and controller apply their own settings and write a [`Report`] to the session's folder. Refused settings are
+//! reported once on standard error, with the command that fixes each; the run continues.
 
 mod refusals;
 
@@ -38,11 +37,11 @@ pub(super) struct Watched {
     has_told_sides: bool,
     recorder: RecorderCore,
     dma_latency_us: Granted<Option<u32>>,
-    /// Keeps the CPU latency low while it is open.
+    /// File that keeps the CPU latency low while open.
     _dma_latency: Option<File>,
 }
 
-/// Core of the recorder's thread, which moves there by itself.
+/// Core of the recorder's thread, which moves to that core by itself.
 #[derive(Clone)]
 pub struct RecorderCore {
     asked: Option<u32>,
@@ -88,7 +87,7 @@ pub fn check(
         if !matches!(usable, Ok(Ok(()))) {
             let there = &cores.online;
             return Err(Failure::usage(format!(
-                "realtime.{key} = {core} cannot be used; the cores of this machine are {there}"
+                "realtime.{key} = {core} cannot be used; the available cores of this machine are {there}"
             )));
         }
     }
@@ -118,7 +117,7 @@ pub fn check(
     Ok(())
 }
 
-/// Returns `true` if loops on these cores, or on any, may occupy all allowed cores.
+/// Returns `true` if loops on these cores, or on any cores, may occupy all allowed cores.
 fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
     let occupied: CoreList = loops.iter().copied().flatten().collect();
     let anywhere = loops.iter().filter(|core| core.is_none()).count();
@@ -230,7 +229,7 @@ pub(crate) fn facts(session: &SessionInfo) -> impl Iterator<Item = (String, Stri
     })
 }
 
-/// Opens the kernel's file that limits the latency while it is open; returns the latency in effect.
+/// Opens the kernel's file that limits the latency while open; returns the latency in effect.
 fn hold_latency(us: u32) -> std::io::Result<(u32, File)> {
     let mut file = File::options().read(true).write(true).open(DMA_LATENCY)?;
     file.write_all(&us.to_ne_bytes())?;

@@ -1,8 +1,8 @@
 //! Recorder: drains the record stream on a thread of its own.
 //!
-//! Its `work` processes each record: digest, metrics, latency figures, requirements, recording. A failure to write
-//! the recording is reported to the supervisor of the run. The loop never waits for any of this, except that the
-//! stream's credit delays it before a record would be lost.
+//! Its `work` processes each record: digest, metrics, latency figures, requirements, recording. A failure to write the
+//! recording is reported to the supervisor of the run. The loop never waits for this work, except that the stream's
+//! credit delays the loop before a record would be lost.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -33,12 +33,12 @@ mod work;
 
 /// Polling interval for the stream.
 const LOOK: Duration = Duration::from_micros(500);
-/// Time to sleep when the stream is empty: well below the time in which the fastest loop fills the stream's buffer,
-/// so that it is not delayed. Each wake-up takes a core from the loop for some microseconds in addition to the work
-/// on its records.
+/// Sleep when the stream is empty: well below the time in which the fastest loop fills the stream's buffer, so that the
+/// loop is not delayed. Each wake-up takes a core from the loop for some microseconds, in addition to the work on the
+/// records.
 const NAP: Duration = Duration::from_millis(4);
 
-/// Time after which a thread that goes on without the sides may be stuck in memory they left behind.
+/// Time after which a thread that continues without the sides may be stuck in memory that they left behind.
 const STUCK: Duration = Duration::from_millis(50);
 
 /// Location and format of a recording.
@@ -76,7 +76,7 @@ struct WayOut {
 struct Shared {
     /// `true` once the stream will receive no more items.
     finish: AtomicBool,
-    /// `true` once the records that the run continues have been processed.
+    /// `true` once the records of the continued run have been processed.
     recalled: AtomicBool,
     /// `true` after a failure, which makes the run pointless.
     failed: AtomicBool,
@@ -109,9 +109,9 @@ impl Shared {
 
 impl Recorder {
     /// Starts the thread. `marks` are the numbers of records after which an additional digest is taken, `past` the
-    /// records that the run continues, which are processed first, and `curve` the grid of the curve if one is
-    /// recorded. The function returned by `prepare` is called on the thread repeatedly, until it returns the stream
-    /// and its layout.
+    /// records of the continued run, which are processed first, and `curve` the grid of the curve if one is recorded.
+    /// The function returned by `prepare` is called on the thread repeatedly, until it returns the stream and its
+    /// layout.
     pub fn start<S, A>(
         plan: Plan,
         recording: Option<RecordingPlan>,
@@ -164,10 +164,10 @@ impl Recorder {
         }
     }
 
-    /// Adds an escape from a stream that dead sides left incomplete. `unblock` is called repeatedly while the
-    /// thread does not end, and only once the sides are gone. If the thread makes no progress in the stream's code
-    /// for longer than `limit` then, the memory of the stream was corrupted, and the process is aborted: nothing
-    /// else ends the thread.
+    /// Adds an escape from a stream that dead sides left incomplete. `unblock` is called repeatedly until the thread
+    /// ends, and only once the sides are gone. If the thread then makes no progress in the stream's code for longer
+    /// than `limit`, the memory of the stream is corrupt, and the process is aborted, because nothing else would end
+    /// the thread.
     #[must_use]
     pub fn unblocked_by(mut self, limit: Option<Duration>, unblock: impl Fn() + 'static) -> Self {
         self.way_out = Some(WayOut {
@@ -177,8 +177,8 @@ impl Recorder {
         self
     }
 
-    /// Waits until the records that the run continues have been processed: before the run begins, so that no side
-    /// has to wait for them.
+    /// Waits until the records of the continued run have been processed, before the run begins, so that no side has to
+    /// wait for them.
     ///
     /// # Errors
     /// If the user interrupts the wait.
@@ -190,7 +190,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// Returns the step after the last one recorded.
+    /// Returns the step after the last recorded one.
     #[must_use]
     pub fn next_step(&self) -> u64 {
         self.shared.next_step.load(Ordering::Relaxed)
@@ -239,14 +239,14 @@ impl Recorder {
         thread.thread().unpark(); // it may be sleeping
         if !self.comes_back(&thread) {
             tell!(
-                "error: the recorder is stuck in memory that it shares with the plant: the memory was corrupted"
+                "error: the recorder is stuck in memory that it shares with the plant, because that memory was corrupted"
             );
             std::process::abort();
         }
         Some(thread.join())
     }
 
-    /// Waits for the end of the thread; returns `false` if it is stuck in the stream.
+    /// Waits for the end of the thread; returns `false` if the thread is stuck in the stream.
     fn comes_back(&self, thread: &JoinHandle<Recorded>) -> bool {
         let Some(way_out) = &self.way_out else {
             return true;

@@ -1,8 +1,8 @@
-//! Checks of the checkpoints of a run: for each, second sides start from its state and repeat the steps that
-//! followed it in the run. Called after the end of the run, so that it costs the run nothing; does not affect its
-//! verdict.
+//! Checks of the checkpoints of a run: for each checkpoint, second sides start from its state and repeat the steps that
+//! followed it in the run. Called after the end of the run, so that the checks cost the run nothing; does not affect
+//! its verdict.
 //!
-//! State that foreign code forgets to save shows in no other way: an FMU's solver may hide part of its history, and
+//! A state that foreign code forgets to save shows in no other way: an FMU's solver may hide part of its history, and
 //! saved bytes may contain addresses of the process that wrote them. The second sides run like those of the run, as
 //! processes or in one thread, in lockstep: the controller answers the plant, and until the first difference both
 //! receive the same data as in the run. Scenario faults, changes and stimuli come from the same job.
@@ -106,7 +106,7 @@ fn check_one(
     Ok(comparison.check(fate))
 }
 
-/// Second sides of a run, which start from a checkpoint of it.
+/// Second sides of a run, which start from a checkpoint of that run.
 struct SecondSides<'a> {
     prepared: &'a PreparedRun,
     recorded: &'a Recorded,
@@ -220,7 +220,7 @@ impl SecondSides<'_> {
         Ok(Some(fate(sides, comparison)))
     }
 
-    /// Runs both sides in turns in this thread, as the run did.
+    /// Runs both sides in turns in this thread, as in the run itself.
     fn in_process(&self, comparison: &mut Comparison<'_>) -> Fate {
         let (plant, controller) = self.jobs(&self.prepared.session);
         let limit = WaitLimit::from_seconds(plant.wait_limit_s);
@@ -305,7 +305,7 @@ impl Stream<'_> {
     }
 }
 
-/// Sink of second sides in one thread, which compares at once.
+/// Sink of second sides in one thread, which compares records immediately.
 struct ComparisonSink<'a, 'b> {
     comparison: &'a mut Comparison<'b>,
     is_over: Arc<AtomicBool>,

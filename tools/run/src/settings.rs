@@ -1,7 +1,7 @@
 //! Settings of a run: the command-line options, checked as far as possible without a scenario.
 //!
-//! Created once by each command that runs scenarios; a suite gives each of its runs a folder and a session of its
-//! own. Contains no plan and starts nothing.
+//! Created once by each command that runs scenarios; a suite gives each of its runs a folder and a session of its own.
+//! Contains no plan and starts nothing.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -73,12 +73,12 @@ impl ByHand {
         };
         if options.link == LinkKind::InProcess {
             return Err(Failure::usage(format!(
-                "{flag} needs a process to start; omit --link in-process"
+                "{flag} needs a process to start, but --link in-process starts none; omit --link in-process"
             )));
         }
         if options.target.target.is_some() {
             return Err(Failure::usage(format!(
-                "{flag} is for a side on this machine; omit --target"
+                "{flag} works only for a side on this machine; omit --target"
             )));
         }
         Ok(by_hand)
@@ -93,7 +93,7 @@ impl ByHand {
         (all.into_iter()).filter_map(|(is_by_hand, side)| is_by_hand.then_some(side))
     }
 
-    /// Returns the flag for one of them.
+    /// Returns the flag for a side.
     pub fn flag(self) -> Option<String> {
         let side = self.roles().next()?;
         Some(format!("--{} external", side.name()))
@@ -102,20 +102,20 @@ impl ByHand {
     /// Refuses programs that cannot be identified by the executable of their process.
     ///
     /// # Errors
-    /// If one of them is a script or a model.
+    /// If a program is a script or a model.
     pub fn check(self, binaries: &Binaries) -> Result<(), Failure> {
         for side in self.roles() {
             let (name, binary) = (side.name(), binaries.of_side(side));
             if binary.host.is_some() {
                 let path = binary.path.display();
                 return Err(Failure::usage(format!(
-                    "--{name} external: {path} is a model run by another program; name a program"
+                    "--{name} external: {path} is a model, which another program runs; name a program instead"
                 )));
             }
             if binary.is_script() {
                 let path = binary.path.display();
                 return Err(Failure::usage(format!(
-                    "--{name} external: {path} is a script, which cannot be identified by its interpreter's process; name a program"
+                    "--{name} external: {path} is a script, whose process is its interpreter and so cannot be identified; name a compiled program instead"
                 )));
             }
         }
@@ -139,7 +139,7 @@ impl Settings {
         let is_given = binaries.plant_bin.is_some() || binaries.controller_bin.is_some();
         if options.link == LinkKind::InProcess && is_given {
             return Err(Failure::usage(
-                "--link in-process runs built-in plants and laws; --plant-bin and --controller-bin need processes",
+                "--link in-process runs built-in plants and laws, so --plant-bin and --controller-bin have no effect; omit them, or omit --link in-process",
             ));
         }
         let checkpoints_at_s = options.checkpoints.checkpoint_at.clone();
@@ -210,10 +210,7 @@ impl Settings {
     }
 }
 
-/// Refuses programs that were named although none is started.
-///
-/// # Errors
-/// If there is one.
+/// Refuses programs that were named although no process is started.
 pub fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Failure> {
     if link != LinkKind::InProcess {
         return Ok(());
@@ -221,13 +218,13 @@ pub fn refuse_in_process(link: LinkKind, binaries: &[&Binary]) -> Result<(), Fai
     if let Some(at) = binaries.iter().find_map(|binary| binary.at.as_ref()) {
         let target = at.target();
         return Err(Failure::usage(format!(
-            "--link in-process runs the law in hil; --target {target} needs a process on the target"
+            "--link in-process runs the law in hil, but --target {target} needs a process on the target; omit one of them"
         )));
     }
     let named = binaries.iter().find(|binary| binary.named().is_some());
     match named {
         Some(Binary { path, by, .. }) => Err(Failure::usage(format!(
-            "--link in-process runs built-in plants and laws; {} ({by}) needs a process",
+            "--link in-process runs built-in plants and laws, but {} ({by}) needs a process; omit --link in-process",
             path.display()
         ))),
         None => Ok(()),

@@ -1,5 +1,5 @@
-//! Process of a side: started in its own process group, or by hand and admitted; told to end through its input or
-//! its connection, and killed if it does not end by itself. Knows nothing of the run it belongs to.
+//! Process of a side: started in its own process group, or started by hand and admitted; told to end through its input
+//! or its connection, and killed if it does not end by itself. Independent of the run to which it belongs.
 
 use std::io::Write;
 use std::os::unix::net::UnixStream;
@@ -21,7 +21,7 @@ use super::open_files;
 
 /// Polling interval for a process that is about to answer or end.
 pub const LOOK: Duration = Duration::from_millis(2);
-/// Time limit for a process to end once told to.
+/// Time limit for a process to end after the request to end.
 pub const GRACE: Duration = Duration::from_secs(2);
 /// Time limit for a stopped process, which cannot end by itself.
 const STOPPED_GRACE: Duration = Duration::from_millis(200);
@@ -37,7 +37,7 @@ pub struct SideProcess {
     id: Option<ProcessId>,
     /// Pending end, if the kernel reports it.
     ending: Option<Ending>,
-    /// Folder of its session, and the call of foreign code that it ended in.
+    /// Folder of the process's session, and the call of foreign code in which it ended.
     session: Option<PathBuf>,
     call: Option<String>,
     /// Output, unless it goes to a terminal.
@@ -77,10 +77,10 @@ impl SideProcess {
         }
     }
 
-    /// Starts a process; its output goes to a log of this name in a folder.
+    /// Starts a process whose output goes to a log of this name in a folder.
     ///
     /// # Errors
-    /// If it cannot be started, or its file has changed since it was checked.
+    /// If the process cannot be started, or its file has changed since the check.
     pub fn start(
         name: &'static str,
         binary: &Binary,
@@ -166,14 +166,14 @@ impl SideProcess {
         }
     }
 
-    /// Discards its output so far.
+    /// Discards the output so far.
     pub(super) fn forget_output(&mut self) {
         if let Some(log) = &mut self.log {
             log.clear();
         }
     }
 
-    /// Writes a line to its input or its connection. The process may have ended, which is noticed elsewhere.
+    /// Writes a line to the process's input or connection. The process may have ended, which is noticed elsewhere.
     pub fn tell(&mut self, line: &str) {
         let _ = match &mut self.process {
             Process::Launched(process) => match &mut process.stdin {
@@ -224,14 +224,14 @@ impl SideProcess {
         self.note_call();
     }
 
-    /// Notes the call of foreign code that it ended in, while its session is there.
+    /// Notes the call of foreign code in which the process ended, while its session exists.
     fn note_call(&mut self) {
         if let (Some(_), Some(session)) = (self.status, &self.session) {
             self.call = program::last_call(session, self.process_id());
         }
     }
 
-    /// Describes how the side ended, if that is notable, and where to read more.
+    /// Describes how the side ended, if notable, and where to read more.
     pub(super) fn fate(&self) -> Option<String> {
         let death = self.death()?;
         let panicked = self.status.and_then(|status| status.code()) == Some(PANIC);
@@ -243,7 +243,7 @@ impl SideProcess {
         })
     }
 
-    /// Describes its end, if that was abnormal.
+    /// Describes the end of the process, if abnormal.
     pub fn death(&self) -> Option<String> {
         let call = (self.call.as_ref()).map_or_else(String::new, |call| format!(" in {call}"));
         if let Some(state) = self.killed {
@@ -253,7 +253,7 @@ impl SideProcess {
         let status = self.status?;
         if self.is_silent {
             return Some(format!(
-                "{}, started by hand, ended without reporting why: killed, or its debugger ended",
+                "{}, which was started by hand, ended without reporting why: it was killed, or its debugger ended",
                 self.name
             ));
         }
@@ -277,19 +277,19 @@ impl SideProcess {
         }
     }
 
-    /// Returns `true` if it died by a signal or a panic, and was not killed by hil.
+    /// Returns `true` if the process died by a signal or a panic, and was not killed by hil.
     pub(super) fn has_crashed(&self) -> bool {
         let status = self.status.filter(|_| self.killed.is_none());
         status.is_some_and(|status| status.signal().is_some() || status.code() == Some(PANIC))
     }
 
-    /// Returns the error that a bridge ended with, which describes the fate of the controller on its target.
+    /// Returns the error with which a bridge ended, which describes the fate of the controller on its target.
     fn said_of_target(&self) -> Option<String> {
         let begin = format!("target {}: ", self.target.as_ref()?);
         self.log.as_ref()?.last_error(&begin)
     }
 
-    /// Returns the last line of its output, without the prefix `error`.
+    /// Returns the last line of the output, without the prefix `error`.
     pub fn last_word(&self) -> Option<String> {
         self.log.as_ref().and_then(Log::last_word)
     }
@@ -299,7 +299,7 @@ impl SideProcess {
         self.log.as_ref().map(Log::warnings).unwrap_or_default()
     }
 
-    /// Returns the path of its log with the first and last lines, if there are any.
+    /// Returns the path of the log with its first and last lines, if there are any.
     pub(super) fn shown_log(&self) -> Option<String> {
         let log = self.log.as_ref()?;
         let excerpt = log.excerpt();
@@ -307,7 +307,7 @@ impl SideProcess {
         (!excerpt.is_empty()).then(|| format!("{path}:\n{excerpt}"))
     }
 
-    /// Returns the first and last lines of its output.
+    /// Returns the first and last lines of the output.
     pub fn excerpt(&self) -> String {
         self.log.as_ref().map(Log::excerpt).unwrap_or_default()
     }

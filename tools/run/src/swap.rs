@@ -1,8 +1,8 @@
 //! Takeover by another controller during a run.
 //!
-//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket in the session's folder,
-//! because it alone starts processes. It checks the new controller against the scenario as at the start, starts it,
-//! and answers once the plant has accepted it or not.
+//! Answers `hil controller swap`. The `hil` that runs the session listens on a socket in the session's folder, because
+//! only this `hil` starts processes. It checks the new controller against the scenario as at the start, starts the
+//! controller, and answers once the plant has accepted or refused it.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -37,11 +37,11 @@ const BESIDES: Duration = Duration::from_secs(25);
 /// Request for another controller.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Request {
-    /// Path of the binary; the active one if `None`.
+    /// Path of the binary; `None` for the active one.
     pub binary: Option<PathBuf>,
     /// Values of the scenario's `[controller]` to change.
     pub set: Vec<String>,
-    /// Time in s that each part of the swap may take, if that is more than the run's own limit.
+    /// Time limit in s for each part of the swap, if longer than the run's own limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wait_limit_s: Option<f64>,
 }
@@ -64,11 +64,11 @@ pub enum Response {
 pub struct Swapped {
     /// Number of the controller in the session.
     pub epoch: u32,
-    /// First step that it answers.
+    /// First step that the controller answers.
     pub step: u64,
     pub law: String,
     pub binary: PathBuf,
-    /// Keys of the running scenario that were left out because none of its laws has them.
+    /// Keys of the running scenario that were left out because no law of the controller has them.
     pub left_out: Vec<String>,
 }
 
@@ -77,14 +77,14 @@ pub struct SwapRequest {
     pub(crate) binary: Binary,
     /// Controller part of the scenario.
     pub(crate) law: ControllerPlan,
-    /// Values of the scenario that are changed for it.
+    /// Values of the scenario changed for the controller.
     pub(crate) set: Vec<String>,
-    /// Keys of the scenario that none of its laws has.
+    /// Keys of the scenario that no law of the controller has.
     pub(crate) left_out: Vec<String>,
     pub(crate) answer: Sender<Result<Swapped, String>>,
 }
 
-/// Context that a new controller is checked against.
+/// Context against which a new controller is checked.
 pub(crate) struct SwapContext {
     pub(crate) plan: Plan,
     pub(crate) binaries: Arc<Binaries>,
@@ -134,7 +134,7 @@ impl SwapContext {
     ) -> Result<Swapped, String> {
         if self.saves {
             return Err(
-                "this run makes checkpoints, or continues from one: its controller cannot change"
+                "this run makes checkpoints or continues from one, so its controller cannot change"
                     .into(),
             );
         }
@@ -165,7 +165,7 @@ impl SwapContext {
                 if binary.blake3 != first.blake3 {
                     let (path, now, then) = (first.path.display(), &binary.blake3, &first.blake3);
                     return Err(format!(
-                        "{path} has changed since the run began: its hash is {now}, at the start it was {then}; use --bin {path} to accept the new one"
+                        "{path} has changed since the run began: its hash was {then} and is now {now}; use --bin {path} to accept the new file"
                     ));
                 }
                 binary
@@ -229,7 +229,7 @@ impl SwapContext {
         if let (false, Some(other)) = (is_fmu, set_for_fmu) {
             let path = binary.path.display();
             return Err(Failure::usage(format!(
-                "--set {other}: {path} is not an FMU, so this has no effect"
+                "--set {other} has no effect, because {path} is not an FMU"
             )));
         }
         let left_out = leave_out(&mut document, &binary.description.laws, is_fmu);
@@ -268,8 +268,8 @@ fn is_at(set: &str, key: &str) -> bool {
     path.split('.').nth(1) == Some(key)
 }
 
-/// Removes the keys that none of these laws has from a scenario, and returns their names; `is_fmu` is `true` if the
-/// laws are of an FMU.
+/// Removes from a scenario the keys that none of these laws has, and returns their names; `is_fmu` is `true` if the
+/// laws belong to an FMU.
 fn leave_out(scenario: &mut DocumentMut, laws: &[LawDescription], is_fmu: bool) -> Vec<String> {
     let mut removed = Vec::new();
     if let Some(connect) = scenario

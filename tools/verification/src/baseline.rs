@@ -38,9 +38,9 @@ struct Judgement {
     verdict: Verdict,
     /// Basis of the verdict on signals.
     compared_by: ComparedBy,
-    /// Reason why the samples were not compared; null if they were, or if there was no need.
+    /// Reason why the samples were not compared; null if they were compared or needed no comparison.
     note: Option<String>,
-    /// Changes of scenario, versions and binaries; none of them counts as a difference by itself.
+    /// Changes of scenario, versions and binaries, none of which counts as a difference by itself.
     identity: Vec<TextChange>,
     /// Figures that differ.
     figures: Vec<Change>,
@@ -98,7 +98,7 @@ fn judge(
     if figures.scenario != baseline.scenario {
         let (theirs, ours) = (&baseline.scenario, &figures.scenario);
         return Err(Failure::usage(format!(
-            "baseline `{name}` belongs to scenario `{theirs}`, but {} to `{ours}`",
+            "baseline `{name}` belongs to scenario `{theirs}`, but {} belongs to `{ours}`",
             run.display()
         )));
     }
@@ -113,12 +113,12 @@ fn judge(
     } else {
         note = Some(match &baseline.recording {
             Some(recording) => format!(
-                "{} is missing: only digest and figures are compared",
+                "{} is missing, so only digest and figures are compared",
                 file.recording(baseline)
                     .unwrap_or_else(|| recording.clone())
                     .display()
             ),
-            None => "the baseline has no recording: only digest and figures are compared".into(),
+            None => "the baseline has no recording, so only digest and figures are compared".into(),
         });
         changes.extend(signal_changes(baseline, &figures));
         ComparedBy::Figures
@@ -167,7 +167,7 @@ fn against(
     let comparison = compare(recording, run, &[], &tolerances)?;
     if comparison.digest_of_a() != baseline.digest {
         return Err(Failure::usage(format!(
-            "{} does not belong to baseline `{name}`: its digest is {}",
+            "{} is not the recording of baseline `{name}`, because its digest is {}; restore the recording, or remove it to compare figures only",
             recording.display(),
             comparison.digest_of_a()
         )));

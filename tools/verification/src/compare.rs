@@ -1,7 +1,7 @@
-//! `hil compare`: finds the first difference between two recorded runs and the size of each signal's deviation.
+//! `hil compare`: finds the first difference between two recorded runs, and the size of each signal's deviation.
 //!
 //! Both recordings are read step by step. The first difference concerns something that the digest covers: a fault
-//! event, a validity bit or a signal. Deviations are computed per signal over the steps that both runs have. `hil
+//! event, a validity bit or a signal. The deviation of each signal is computed over the steps that both runs have. `hil
 //! rerun` uses the same comparison.
 
 mod deviation;
@@ -68,9 +68,9 @@ struct ComparedRun {
     run: String,
     records: u64,
     digest: String,
-    /// Set if the recording is complete; a truncated one is compared as far as it goes.
+    /// Set if the recording is complete; a truncated recording is compared as far as it goes.
     whole: bool,
-    /// Description of the parts without a check sum; null if there are none.
+    /// Description of the parts without a checksum; null if there are none.
     unvouched: Option<String>,
 }
 
@@ -160,7 +160,7 @@ pub fn compare(
     if rate != rate_b {
         let (a, b) = (rate.hz(), rate_b.hz());
         let what = format!(
-            "the runs have different rates, {} and {}: their steps are at different times",
+            "the runs have different rates, {} and {}, so their steps are at different times",
             exact_in(a, "Hz"),
             exact_in(b, "Hz")
         );
@@ -208,13 +208,13 @@ pub fn compare(
 }
 
 impl Comparison {
-    /// Refuses two runs without any record: their equality means nothing.
+    /// Refuses two runs without any records, because their equality would mean nothing.
     fn refuse_nothing(&self) -> Result<(), CompareError> {
         if self.a.records > 0 || self.b.records > 0 {
             return Ok(());
         }
         let (a, b) = (&self.a.run, &self.b.run);
-        let what = format!("neither {a} nor {b} has a record: there is nothing to compare");
+        let what = format!("neither {a} nor {b} has a record, so there is nothing to compare");
         Err(CompareError::NotComparable(what))
     }
 
@@ -269,7 +269,7 @@ impl Comparison {
             if !side.whole {
                 writeln!(
                     text,
-                    "  {0} was cut off and is compared as far as it goes; `hil recover {0}` makes a complete file of it",
+                    "  {0} was cut off and is compared as far as possible; complete it with `hil recover {0}`",
                     side.run
                 )?;
             }

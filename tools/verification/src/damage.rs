@@ -1,5 +1,5 @@
-//! Robustness of all readers against a recording with a wrong byte or a truncated end: it is refused or read as far
-//! as it goes, without panics, hangs or allocations beyond what the file could fill.
+//! Robustness of all readers against a recording with a wrong byte or a truncated end: the recording is refused or read
+//! as far as possible, without panics, hangs or allocations beyond the size of the file.
 
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn files() -> [(Compression, Vec<u8>); 3] {
     })
 }
 
-/// Passes a file to every reader of recordings; returns `true` if it is read to the end as a complete one.
+/// Passes a file to every reader of recordings; returns `true` if the file is read to its end as complete.
 fn read(path: &Path) -> bool {
     // Any result is fine, but no panic.
     let _ = compare(path, path, &[], &Tolerances::default());

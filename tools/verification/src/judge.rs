@@ -1,8 +1,8 @@
 //! `hil judge`: evaluates metrics and requirements of a recorded run, by its own scenario or by another.
 //!
 //! The recorded rows pass through the evaluation that the recorder uses during a run, so the run's own requirements
-//! give bit-identical results. No program is started: the recording contains everything that a scenario is checked
-//! against.
+//! give bit-identical results. No program is started: the recording contains everything against which a scenario is
+//! checked.
 
 use std::path::Path;
 

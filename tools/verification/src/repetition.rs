@@ -1,7 +1,7 @@
 //! `hil scenario from`: the scenario that repeats a recorded run, including all live interventions.
 //!
 //! Built from the recording alone: the scenario in effect, the descriptions of plant and controller, and the
-//! events. A live fault becomes a scenario fault that takes hold at the same steps. `hil rerun` runs the result.
+//! events. A live fault becomes a scenario fault that takes effect at the same steps. `hil rerun` runs the result.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -39,15 +39,15 @@ pub struct RecordedScenario {
     pub programs: Recorded,
     /// Number of records.
     pub records: u64,
-    /// Number of records lost while it was written.
+    /// Number of records lost while the recording was written.
     pub lost: u64,
-    /// Digest of its records.
+    /// Digest of the run's records.
     pub digest: String,
     /// Outcome of the run, in one word; `None` if the plant or the recorder died.
     pub outcome: Option<Outcome>,
     /// Steps at which the controller was late.
     pub missed: Vec<Missed>,
-    /// Result of checking the checkpoint that the run resumed from; `None` if it began at step 0.
+    /// Result of checking the checkpoint from which the run resumed; `None` if the run began at step 0.
     pub resumed_check: Option<String>,
 }
 
@@ -71,8 +71,8 @@ pub fn scenario_from(arguments: &ScenarioFromArguments) -> Result<Exit, Failure>
     Ok(Exit::Pass)
 }
 
-/// Refuses a run whose controller changed: the answers of a dead controller are unknown, and the state of its
-/// successor depends on when it took over.
+/// Refuses a run whose controller changed: the answers of a dead controller are unknown, and the state of its successor
+/// depends on the time of the takeover.
 fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failure> {
     let (run, epoch, step) = (run.display(), change.epoch, change.step);
     let what = match &change.change {
@@ -83,7 +83,7 @@ fn refuse_succession(run: &Path, change: &ControllerChange) -> Result<(), Failur
         ControllerFate::Refused { .. } => return Ok(()),
     };
     Err(Failure::usage(format!(
-        "{run} {what}: a run whose controller changed cannot be repeated; `hil judge`, `hil compare` and `hil export` still work"
+        "{run} {what}: a run whose controller changed cannot be repeated; use `hil judge`, `hil compare` or `hil export` instead"
     )))
 }
 
@@ -166,7 +166,8 @@ impl RecordedScenario {
         self.recorded.plan.run.clock == Clock::Realtime
     }
 
-    /// Removes the real-time settings of the run: timing is not reproduced, and another machine may lack the cores.
+    /// Removes the real-time settings of the run, because timing is not reproduced and another machine may lack the
+    /// cores.
     #[must_use]
     pub fn for_any_machine(mut self) -> Self {
         self.recorded.plan.realtime = Realtime::default();
@@ -211,7 +212,7 @@ impl RecordedScenario {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 text,
-                "# Fault {} of the scenario, `{}`, is left out: it was cleared before it took hold.",
+                "# Fault {} of the scenario, `{}`, is left out because it was cleared before it took effect.",
                 event.id,
                 comment(&event.kind)
             );
@@ -238,7 +239,7 @@ impl RecordedScenario {
                     let _ = write!(text, "\n# {request}.\n{}", toml.trim_start());
                 }
                 None => {
-                    let _ = writeln!(text, "\n# {request}; it never took hold.");
+                    let _ = writeln!(text, "\n# {request}; it never took effect.");
                 }
             }
         }
@@ -253,7 +254,7 @@ impl RecordedScenario {
 }
 
 /// Ends the scenario's faults where they were cleared. Removes and returns faults that were cleared before they took
-/// effect, and those that could only have followed them.
+/// effect, and faults that could only have followed those.
 fn without_cleared(faults: &mut Vec<FaultEvent>, log: &FaultLog) -> Vec<FaultEvent> {
     let mut removed = BTreeSet::new();
     for event in faults.iter_mut() {
@@ -307,7 +308,7 @@ fn begun_effects(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
     log.taken.iter().filter(move |effect| effect.id == id)
 }
 
-/// Keeps the effects of a cleared event that had taken hold; returns `true` if there are any.
+/// Keeps the effects of a cleared event that had begun; returns `true` if there are any.
 fn keep_taken(event: &mut FaultEvent, log: &FaultLog) -> bool {
     let numbers: BTreeSet<u32> = begun_effects(event.id, log)
         .map(|begun| begun.effect)
@@ -321,7 +322,7 @@ fn keep_taken(event: &mut FaultEvent, log: &FaultLog) -> bool {
     !event.effects.is_empty()
 }
 
-/// Converts a live fault to a scenario fault with the same effect; `None` if it never took hold.
+/// Converts a live fault to a scenario fault with the same effect; `None` if it never took effect.
 fn resolved(live: &LiveFault, log: &FaultLog, rate: Rate) -> Option<FaultEvent> {
     let mut event = live.event.clone();
     let id = event.id;

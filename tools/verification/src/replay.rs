@@ -301,7 +301,7 @@ impl Loop {
         Ok(host.finish())
     }
 
-    /// Replays to a law that is built into `hil`, by alternating with it.
+    /// Replays to a law that is built into `hil`, by alternating with that law.
     fn in_one_thread(self, job: Job) -> Result<Replayed, String> {
         let laws = controller_process::laws::all();
         let law = choose(&laws, &job.law, &job.plant).map_err(|e| e.to_string())?;
@@ -340,7 +340,7 @@ fn turns(
     }
 }
 
-/// Returns the comparison of a completed replay, or the reason why it did not complete.
+/// Returns the comparison of a completed replay, or the reason why the replay did not complete.
 fn conclude(
     end: ReplayEnd,
     comparison: Option<Comparison>,

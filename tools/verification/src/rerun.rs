@@ -30,7 +30,7 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     if recorded.lost > 0 {
         let lost = recorded.lost;
         return Err(Failure::usage(format!(
-            "{run_text} lost {lost} records: there is no digest to compare with"
+            "{run_text} lost {lost} records, so there is no digest for the comparison"
         )));
     }
     // A run that was stopped or died must be reproduced up to its last record; later events do not matter. In real
@@ -48,12 +48,12 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     };
     if records == 0 {
         return Err(Failure::usage(format!(
-            "{run_text} has no records to compare with"
+            "{run_text} has no records for the comparison"
         )));
     }
     if options.changes.clock == Some(ClockKind::Realtime) {
         return Err(Failure::usage(
-            "a rerun reproduces late commands in lockstep; with --clock realtime other commands would be late",
+            "a rerun reproduces late commands in lockstep, but with --clock realtime other commands would be late; omit --clock realtime",
         ));
     }
     refuse_set(&options.changes.set, |role| role.flag)?;

@@ -1,5 +1,5 @@
-//! `hil run`: runs one or more scenarios, once, repeatedly or under the conditions of an audit, from the command line
-//! to the verdicts.
+//! `hil run`: runs one or more scenarios once, repeatedly or under the conditions of an audit, from the command line to
+//! the verdicts.
 //!
 //! Every run has its own session, folder and processes or threads; as many runs as the cores allow are active at a
 //! time. All scenarios are checked before the first run starts. All runs of a scenario must have the same digest: a
@@ -89,10 +89,14 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
     for (number, case) in (1..).zip(&mut cases) {
         let settings = &mut case.environment.settings;
         if settings.pause_at_s.is_some() {
-            return Err(Failure::usage("--pause-at requires a single run"));
+            return Err(Failure::usage(
+                "--pause-at requires a single run; run one scenario, once",
+            ));
         }
         if let Some(flag) = settings.by_hand.flag() {
-            return Err(Failure::usage(format!("{flag} requires a single run")));
+            return Err(Failure::usage(format!(
+                "{flag} requires a single run; run one scenario, once"
+            )));
         }
         settings.is_one_of_many = true;
         settings.out = (settings.out.take()).map(|folder| folder.join(&case.label));
@@ -129,7 +133,7 @@ fn several(arguments: &RunArguments, mut cases: Vec<Case>) -> Result<Exit, Failu
     Ok(worst)
 }
 
-/// Loads the checkpoint that a run resumes from, and plans the rest of the run.
+/// Loads the checkpoint from which a run resumes, and plans the rest of the run.
 fn resumed(
     arguments: &RunArguments,
     from: &Path,
@@ -226,7 +230,7 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
             "--jobs {jobs} exceeds the {cores} available cores; every run needs {wants}"
         ))),
         Some(2..) if arguments.options.target.serves_one() => Err(Failure::usage(
-            "--jobs: a listening agent serves one session at a time",
+            "--jobs cannot be used here: a listening agent serves one session at a time; omit --jobs",
         )),
         Some(jobs) => Ok(jobs),
         None if against_clock || arguments.options.target.target.is_some() => Ok(1),
@@ -234,7 +238,7 @@ fn jobs(arguments: &RunArguments, cases: &[Case]) -> Result<usize, Failure> {
     }
 }
 
-/// Refuses a file whose folder does not exist, before hours of runs.
+/// Refuses a file whose folder does not exist, before hours of runs are wasted.
 fn refuse_unwritable(path: &Path) -> Result<(), Failure> {
     let folder = path.parent().filter(|folder| *folder != Path::new(""));
     let is_there = folder.is_none_or(Path::is_dir);

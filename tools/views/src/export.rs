@@ -1,8 +1,8 @@
 //! `hil export`: signals of a recorded run as a table for other programs.
 //!
-//! Reads the recording once and holds no more than a block of rows, so memory does not grow with the length of the
-//! run. The output file appears complete or not at all. Values are the recorded ones, bit for bit; derived signals
-//! are recomputed by the code that computed them during the run.
+//! Reads the recording once and holds only a block of rows, so memory does not grow with the length of the run. The
+//! output file appears complete or not at all. Values are the recorded ones, bit for bit; derived signals are
+//! recomputed by the code that computed them during the run.
 
 mod cell;
 mod csv;
@@ -117,7 +117,7 @@ pub fn table(
     Ok(path.is_some().then(|| exported.describe()))
 }
 
-/// Returns the format of the table: the requested one, else the one that the file's extension implies.
+/// Returns the format of the table: the requested format, or else the one that the file's extension implies.
 fn format(asked: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportFormat, Failure> {
     let (None, Some(path)) = (asked, path) else {
         return Ok(asked.unwrap_or(ExportFormat::Csv));
@@ -247,10 +247,10 @@ impl ExportPass {
         if exported.rows == 0 {
             let (records, rate) = (self.reader.records(), self.picking.rate);
             return Err(Failure::usage(if records == 0 {
-                format!("{run} holds no step")
+                format!("{run} has no steps")
             } else {
                 let end_s = rate.seconds(Step(self.reader.step()));
-                format!("no step of {run} lies in that window; it ends at {end_s} s")
+                format!("no step of {run} lies in that window; the run ends at {end_s} s")
             }));
         }
         exported.scenario = self.reader.fact("scenario").map(str::to_owned);

@@ -35,7 +35,7 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     let pages = pages::of(reader.columns(), plan.as_ref());
     if pages.is_empty() {
         let run = reader.path().display();
-        return Err(Failure::usage(format!("{run} holds nothing to plot")));
+        return Err(Failure::usage(format!("{run} has nothing to plot")));
     }
     let path = (arguments.output.as_deref()).filter(|path| *path != Path::new("-"));
     let text = match arguments.viewer {
@@ -65,7 +65,7 @@ pub fn layout(arguments: &LayoutArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// Returns the checked scenario of a run, if it is valid; names and units alone still give a layout.
+/// Returns the checked scenario of a run, if it is valid; without it, names and units alone still give a layout.
 fn plan(reader: &RunReader, run: &Path) -> Option<Plan> {
     RecordedRun::of(reader, run).ok().map(|run| run.plan)
 }

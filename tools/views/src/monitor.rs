@@ -10,7 +10,7 @@
 //!
 //! Optionally serves the observed signals to Foxglove as well.
 //!
-//! Passive: the digest of the run is the same with and without a monitor, unless a key changes the run.
+//! A monitor is passive: the digest of the run is the same with and without a monitor, unless a key changes the run.
 
 pub(crate) mod asking;
 pub(crate) mod display;
@@ -70,7 +70,7 @@ impl SharedModel {
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no session to watch, it cannot be watched, or a prepared fault is invalid.
+/// If there is no session to watch, the session cannot be watched, or a prepared fault is invalid.
 pub fn monitor(arguments: &MonitorArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let session = find(&arguments.choice, arguments.wait, &interruption);
@@ -199,7 +199,7 @@ pub(super) fn notice(
         }
         if since.elapsed() > START_LIMIT {
             return Err(Failure::usage(format!(
-                "session `{name}` cannot be watched: it is a replay or a measurement"
+                "session `{name}` cannot be watched, because it is a replay or a measurement"
             )));
         }
         std::thread::sleep(LOOK);

@@ -1,6 +1,6 @@
 //! HTML page that shows results without a server or a network: the frame of every report.
 //!
-//! Text, scripts and data are embedded in one file. Used by reports; knows nothing of runs or campaigns.
+//! Text, scripts and data are embedded in one file. Used by reports; independent of runs and campaigns.
 
 use hil_console::terminal::exit::Failure;
 use maud::{DOCTYPE, Markup, PreEscaped, html};

@@ -7,8 +7,9 @@
 //!    requests to the [`board`].
 //! 4. The [`opener`] opens the page, if this machine has a screen.
 //!
-//! With `hil run --panel` it is a process beside the run, so it can neither delay nor end the run. Passive like the
-//! monitor: the digest of the run is the same with and without a panel, unless a page changes the run.
+//! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
+//! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
+//! run.
 
 pub(crate) mod board;
 pub(crate) mod client;
@@ -49,13 +50,13 @@ const LOOK: Duration = Duration::from_millis(20);
 const LINGER: Duration = Duration::from_secs(10);
 /// Time limit for the panel of a run to end after the run.
 const END_LIMIT: Duration = Duration::from_secs(8);
-/// Time for which the panel of a run shows its end to a page.
+/// Time for which the panel of a run shows the end of the run to a page.
 const LAST_LOOK: Duration = Duration::from_millis(600);
 
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no session to show, it cannot be watched, or a prepared fault is invalid.
+/// If there is no session to show, the session cannot be watched, or a prepared fault is invalid.
 pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let json = arguments.choice.json;
@@ -114,7 +115,7 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// Gives the model the newest record of a paused run: the stream delivers none until it resumes.
+/// Gives the model the latest record of a paused run, because the stream delivers none until the run resumes.
 fn show_newest(session: &SessionInfo, model: &SharedModel) {
     let asked = hil_session::live::ask(session, &Request::Record, LOOK * 50);
     if let Ok(Response::Record { layout, words }) = asked {
@@ -180,7 +181,7 @@ fn owned_by(owner: u32, interruption: &Interruption) -> Result<Option<SessionInf
     Ok(None)
 }
 
-/// Panel process beside a run; dropping it ends the panel.
+/// Panel process started with a run; dropping it ends the panel.
 struct Beside(Child);
 
 impl Drop for Beside {
@@ -199,10 +200,10 @@ impl Drop for Beside {
     }
 }
 
-/// Executes a run with its panel beside it.
+/// Executes a run together with its panel.
 ///
 /// # Errors
-/// If the panel cannot be started, and those of the run.
+/// If the panel cannot be started; also the errors of the run.
 pub fn with_run(
     arguments: &RunArguments,
     run: impl FnOnce(&RunArguments) -> Result<Exit, Failure>,
@@ -212,11 +213,13 @@ pub fn with_run(
     }
     let is_single = arguments.scenarios.len() < 2 && arguments.repeat == 1 && !arguments.audit;
     if !is_single {
-        return Err(Failure::usage("--panel shows a single run"));
+        return Err(Failure::usage(
+            "--panel shows a single run; omit it, or run one scenario once",
+        ));
     }
     if arguments.options.link == LinkKind::InProcess {
         return Err(Failure::usage(
-            "--panel needs two processes: --link in-process has no records that others could see",
+            "--panel needs two processes: --link in-process has no records that others could read; omit --link in-process",
         ));
     }
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;

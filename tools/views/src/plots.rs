@@ -1,8 +1,8 @@
-//! Selection of plots: which signals of a run are drawn, and which of them share a plot.
+//! Selection of plots: the signals of a run that are drawn, and their distribution among plots.
 //!
-//! Report, monitor and layout draw the plots selected here, so that a run looks alike in each; a view with less
-//! room takes the first plots. The selection depends on scenario, names and units, not on any particular plant.
-//! Records are never read: a view that has read them reports through [`Values`] which plots would be uninformative.
+//! Report, monitor and layout draw the plots selected here, so that a run looks alike in each; a view with less room
+//! takes the first plots. The selection depends on scenario, names and units, not on any particular plant. Records are
+//! never read: a view that has read them reports uninformative plots through [`Values`].
 
 pub mod bounds;
 pub mod signal;
@@ -65,7 +65,7 @@ pub struct Plot {
     pub limits: Vec<Limit>,
 }
 
-/// Level that a requirement compares with.
+/// Level with which a requirement compares a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
     level: f64,
@@ -166,7 +166,7 @@ pub(crate) fn by_unit(columns: &[Column]) -> Vec<Plot> {
     chunks("", signals, |one| one.unit, MOST[0])
 }
 
-/// Groups signals with equal keys into plots, in the order of the first of each, at most `most` per plot.
+/// Groups signals with equal keys into plots, in the order of the first signal of each, with at most `most` per plot.
 fn chunks<'a, K: PartialEq>(
     section: &'static str,
     signals: Vec<Signal<'a>>,
@@ -258,7 +258,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// Adds the comparisons of requirements: a signal, with the one it is compared with if there is one.
+    /// Adds the comparisons of requirements: a signal, with the signal to which it is compared, if any.
     fn requirements(&mut self) {
         let subjects = self.choice.subjects.iter();
         for bound in subjects.flat_map(|subject| &subject.bounds) {
@@ -272,7 +272,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// Adds references with the true, or else the measured, signal of their name.
+    /// Adds references with the true signal of their name, or else the measured signal.
     fn tracking(&mut self) {
         for reference in self.group("reference") {
             let mut groups = ["truth", "measured"].into_iter();
@@ -310,8 +310,8 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// Adds sensors beside the truth and commands beside the applied ones; where values are known, only those that
-    /// differ.
+    /// Adds sensors together with the truth and commands together with the applied ones; where values are known, only
+    /// those that differ.
     fn interface(&mut self) {
         for [before, after] in [["truth", "measured"], ["command", "applied"]] {
             let mut signals = Vec::new();
@@ -330,7 +330,7 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    /// Adds parameters changed by faults: those in the scenario or, where values are known, any that change.
+    /// Adds parameters changed by faults: the parameters in the scenario or, where values are known, any that change.
     fn parameters(&mut self) {
         let effects = self
             .plans()

@@ -1,12 +1,12 @@
 //! `hil report`: one HTML file that shows recorded runs, for reading and as evidence.
 //!
 //! 1. Each `Run` is read for its results: verdict, requirements, faults, latency.
-//! 2. A `Grid` of simulated time is derived from them, finer around events.
+//! 2. A `Grid` of simulated time is derived from the results, finer around events.
 //! 3. Each run is read again, its signals as envelopes over that grid.
-//! 4. `plots` selects what to show, `page` writes it.
+//! 4. `plots` selects the plots, and `page` writes them.
 //!
 //! The page loads nothing: its script is vendored, its policy forbids connections, and all text from a recording is
-//! escaped. Nothing here judges: requirements are evaluated by the same code as in the run.
+//! escaped. Nothing is judged here: requirements are evaluated by the same code as in the run.
 
 mod data;
 mod envelope;
@@ -55,8 +55,8 @@ struct Written {
 /// Runs the command.
 ///
 /// # Errors
-/// If a run cannot be read or lacks a requested signal, or the file cannot be written; if a run is damaged, after
-/// the page has been written with all readable data.
+/// If a run cannot be read or lacks a requested signal, or the file cannot be written. If a run is damaged, the error
+/// comes after the page has been written with all readable data.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
     if arguments.json && path.is_none() {
@@ -89,8 +89,8 @@ pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
     damage.map_or(Ok(Exit::Pass), Err)
 }
 
-/// Returns the page and its summary, unless a signal arrives: then temporary files are removed at once, while the
-/// work continues until the process ends.
+/// Returns the page and its summary, unless a signal arrives: then temporary files are removed at once, while the work
+/// continues until the process ends.
 fn made_unless(
     interruption: &Interruption,
     arguments: &ReportArguments,
@@ -173,7 +173,8 @@ fn patterns(texts: &[String]) -> Result<Vec<Pattern>, Failure> {
     texts.iter().map(pattern).collect()
 }
 
-/// Returns the grid that suits all runs: as long as the longest, at the highest rate, fine near the events of any.
+/// Returns the grid that suits all runs: as long as the longest run, at the highest rate, and fine near the events of
+/// any run.
 fn grid(runs: &[Run]) -> Grid {
     let by_rate = |a: &&Run, b: &&Run| a.rate.hz().total_cmp(&b.rate.hz());
     let by_end = |a: &&Run, b: &&Run| a.end_s().total_cmp(&b.end_s());

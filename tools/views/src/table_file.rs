@@ -1,7 +1,7 @@
-//! A table in a file of Apache Parquet: the form of all such files of `hil`, of runs and of campaigns.
+//! A table in an Apache Parquet file: the form of all such files of `hil`, for runs and campaigns.
 //!
-//! Written by groups of rows, of each column as a whole; facts stand beside the table as key-value metadata. Knows nothing
-//! of what the columns mean.
+//! Written in groups of rows, with each column of a group as a whole; facts accompany the table as key-value metadata.
+//! The meaning of the columns is unknown here.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -19,7 +19,7 @@ use parquet::schema::types::Type;
 #[derive(Clone, Copy, Debug)]
 pub enum FieldKind {
     Number,
-    /// Whole numbers, whose bits are those of unsigned ones.
+    /// Whole numbers, stored with the bits of unsigned numbers.
     Count,
     Flag,
     Text,
@@ -29,20 +29,20 @@ pub enum FieldKind {
 #[derive(Debug)]
 pub enum Cells<'a> {
     Numbers(&'a [f64]),
-    /// Counts that exist, and for each row 1 if it has a count, else 0; without that every row has one.
+    /// Existing counts, and for each row 1 if it has a count, otherwise 0; without that list every row has a count.
     Counts(Cow<'a, [i64]>, Option<&'a [i16]>),
     Flags(&'a [bool]),
     Texts(Vec<ByteArray>),
 }
 
-/// A table being written, in bytes that depend on its cells and groups alone.
+/// A table being written, in bytes that depend only on its cells and groups.
 pub struct TableFile<W: Write + Send>(SerializedFileWriter<W>);
 
 impl<W: Write + Send> TableFile<W> {
-    /// Begins a table of columns with their names, kinds and `true` for cells that may be missing.
+    /// Begins a table of columns with their names and kinds, and `true` for cells that may be missing.
     ///
     /// # Errors
-    /// If nothing can be written.
+    /// If the beginning of the file cannot be written.
     pub fn create<'a>(
         to: W,
         name: &str,
@@ -84,7 +84,7 @@ impl<W: Write + Send> TableFile<W> {
     /// Writes a group of rows.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the group cannot be written.
     pub fn group<'a>(&mut self, columns: impl IntoIterator<Item = Cells<'a>>) -> io::Result<()> {
         self.write_group(columns).map_err(io_error)
     }
@@ -116,10 +116,10 @@ impl<W: Write + Send> TableFile<W> {
         Ok(())
     }
 
-    /// Ends the file, with facts that stand beside the table.
+    /// Ends the file, with facts that accompany the table.
     ///
     /// # Errors
-    /// If it cannot be written.
+    /// If the end of the file cannot be written.
     pub fn finish<'a>(
         mut self,
         facts: impl IntoIterator<Item = (&'a str, &'a str)>,
@@ -132,7 +132,7 @@ impl<W: Write + Send> TableFile<W> {
     }
 }
 
-/// Returns the error of the file, if that is what is behind it.
+/// Returns the error of the file, if it is the cause.
 fn io_error(error: ParquetError) -> io::Error {
     match error {
         ParquetError::External(cause) => match cause.downcast::<io::Error>() {

@@ -1,6 +1,6 @@
 //! `hil get` and `hil watch`: values of a running session's signals, as text or JSON.
 //!
-//! `get` queries the plant for its newest record, so it also works while the run is paused. `watch` continues as an
+//! `get` queries the plant for its latest record, so it also works while the run is paused. `watch` continues as an
 //! [`observer`](hil_facts::session::observer), which does not affect the loop.
 
 use std::time::{Duration, Instant};
@@ -246,7 +246,8 @@ impl Values {
     }
 }
 
-/// Returns the indices of the signals that match a pattern, in the order of the patterns; of all without patterns.
+/// Returns the indices of the signals that match a pattern, in the order of the patterns; of all signals if there are
+/// no patterns.
 fn select(
     columns: &[Column],
     aliases: &[(String, String)],

@@ -28,7 +28,7 @@ pub struct LeakageEstimate {
 }
 
 impl LeakageEstimate {
-    /// Creates the estimate before the first sample: no leakage, or the smallest possible one.
+    /// Creates the estimate before the first sample: no leakage, or the smallest possible leakage.
     ///
     /// # Errors
     /// If a smallest coefficient is above the largest.
@@ -62,7 +62,7 @@ impl LeakageEstimate {
         }
     }
 
-    /// Returns the present estimate, in m3/s/sqrt(Pa).
+    /// Returns the current estimate, in m3/s/sqrt(Pa).
     #[must_use]
     pub fn theta_hat(&self) -> Vector2<f64> {
         self.theta_hat

@@ -82,7 +82,7 @@ impl Gains {
     /// `h_2 >= d-bar^2` (eq. 48) and `h_3 >= q-bar^2` (eq. 56), for either component.
     ///
     /// # Errors
-    /// If a condition is violated, with both sides of it and the key to change.
+    /// If a condition is violated; the error states both sides of the condition and the key to change.
     pub fn check(&self) -> Result<(), Invalid> {
         for (group, own) in ["force_sum", "force_difference"]
             .iter()

@@ -125,7 +125,7 @@ fn closing_roots_sqrt_pa(model: &ActuatorModel, piston: &PistonState) -> (f64, f
     )
 }
 
-/// Root of a pressure drop across an opening; 0 for a negative drop, against which nothing flows.
+/// Root of a pressure drop across an opening; 0 for a negative drop, because no oil flows against it.
 fn root_sqrt_pa(drop_pa: f64) -> f64 {
     if drop_pa < 0.0 { 0.0 } else { drop_pa.sqrt() }
 }

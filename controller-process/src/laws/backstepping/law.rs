@@ -1,6 +1,6 @@
-//! Core of the laws: one sample through the files of this folder, for NRSC and FTSC alike.
+//! Core of the laws: processes one sample through the files of this folder, for NRSC and FTSC alike.
 //!
-//! [`nrsc`](super::nrsc) and [`ftsc`](super::ftsc) own one each and differ only in the estimate of the leakage, which
+//! [`nrsc`](super::nrsc) and [`ftsc`](super::ftsc) each own one and differ only in the estimate of the leakage, which
 //! NRSC lacks.
 
 use nalgebra::Vector2;
@@ -77,7 +77,7 @@ pub struct LawState {
 }
 
 impl Backstepping {
-    /// Creates the law before its first sample; without an estimate it is NRSC.
+    /// Creates the law before its first sample; a law without an estimate is NRSC.
     ///
     /// # Errors
     /// If the gains violate a condition of the design.
@@ -107,10 +107,10 @@ impl Backstepping {
         })
     }
 
-    /// Applies other gains, from the next sample on; `adaptation` are those of the estimate, if there is one.
+    /// Applies other gains from the next sample on; `adaptation` holds the gains of the estimate, if there is one.
     ///
-    /// The law integrates nothing but the estimate, which is kept. A command that would jump with the gains therefore
-    /// continues from its present value, and the difference fades.
+    /// The estimate is the only integral of the law, and it is kept. A command that would jump with the gains therefore
+    /// continues from its current value, and the difference fades.
     pub fn retune(
         &mut self,
         gains: &Gains,
@@ -264,7 +264,7 @@ impl Backstepping {
         (errors, currents_a)
     }
 
-    /// Returns currents that continue those before a change, within the present limits.
+    /// Returns currents that continue from those before a change, within the current limits.
     fn continued(&mut self, wanted_a: [f64; 2], sampled: &Sampled<'_>) -> [f64; 2] {
         let held_command = std::mem::take(&mut self.transfers.changed).then(|| {
             let (command, _) = self.answer;

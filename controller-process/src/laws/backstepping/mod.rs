@@ -5,7 +5,7 @@
 //! files are its own.
 //!
 //! [`nrsc`] is the nonlinear robust synchronization control, [`ftsc`] adds the online estimate of the leakage. Both are
-//! [`law::Backstepping`] with their own parameters. One step of it:
+//! [`law::Backstepping`] with their own parameters. One step of the law:
 //!
 //! 1. [`trajectory`]: from the surface's motion and the deflection command to the desired sum and difference of the
 //!    stiffness-weighted piston positions, with derivatives (eqs. 24-33).
@@ -18,8 +18,8 @@
 //! Choices where the text is ambiguous or misprinted: x_3 is `[x_13, x_23]`; lambda is `+2 min(k)`;
 //! `mu = epsilon_1 + epsilon_2 + xi_1 + xi_2`; eq. (22) is read without beta and without C_t, which eq. (23) multiplies
 //! again. The piston acceleration, which x_r1 and its derivatives need, is the backward difference of the measured
-//! velocity; if it were computed from the model without the disturbance, which is unknown to any law, the force fight
-//! would be ten times higher.
+//! velocity; an acceleration computed from the model, without the disturbance that no law knows, would make the force
+//! fight ten times higher.
 
 pub mod adaptation;
 pub mod ftsc;

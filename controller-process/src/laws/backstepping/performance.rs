@@ -79,7 +79,7 @@ impl Indicator {
         }
     }
 
-    /// Applies other gains; the counts stay.
+    /// Applies other gains; the counts remain.
     pub fn retune(&mut self, gains: &Gains) {
         let state = self.state;
         *self = Self {

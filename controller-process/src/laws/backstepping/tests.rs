@@ -153,7 +153,7 @@ where
     }
 }
 
-/// Returns the largest deviation of a quantity over a sequence, relative to its own largest magnitude.
+/// Returns the largest deviation of a quantity over a sequence, relative to the quantity's own largest magnitude.
 fn deviation<const N: usize>(pairs: impl Iterator<Item = ([f64; N], [f64; N])>) -> f64 {
     let (mut off, mut size) = (0.0, 0.0);
     for (actual, expected) in pairs {

@@ -76,7 +76,7 @@ impl Event<'_> {
         }
     }
 
-    /// Time from the first step at which an effect could take effect to the end of the run.
+    /// Returns the time from the first step at which an effect could take effect to the end of the run.
     fn left_s(&self, skew_steps: u64) -> f64 {
         match (self.context.grid, self.earliest) {
             (Some(grid), Some(earliest)) => {
@@ -121,7 +121,7 @@ impl Event<'_> {
     }
 }
 
-/// Reads numbers according to a description; one with a default may be omitted. `unit` is that of the target.
+/// Reads numbers according to a description; a number with a default may be omitted. `unit` is the target's unit.
 fn settings(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -157,7 +157,7 @@ pub(crate) fn unit_of(field: &Field, target: Option<&str>) -> String {
     }
 }
 
-/// Returns the moves of a plant fault with the sizes of one effect.
+/// Returns the moves of a plant fault with the magnitudes of one effect.
 fn moves(fault: &FaultDescription, moved: &[&Field], sizes: &Settings) -> Option<Vec<Move>> {
     (fault.moves.iter().zip(moved))
         .map(|(described, parameter)| {

@@ -67,12 +67,12 @@ pub(super) fn leaves_time(
     let key = END.given(reader, section)?.ok_or(Reported)?;
     let path = section.path_of(key);
     let message = format!(
-        "`{path}`: the fault would end at {} s, and takes hold at {} s",
+        "`{path}`: the fault would end at {} s, but it takes effect at {} s",
         number(rate.seconds(end)),
         number(rate.seconds(begin))
     );
     reader
         .report_at(section, key, ProblemKind::Mismatch, message)
-        .expected("an end after every effect has taken hold");
+        .expected("an end after every effect has begun");
     Err(Reported)
 }

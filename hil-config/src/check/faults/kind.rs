@@ -1,4 +1,4 @@
-//! Kind of an event: a fault of the plant, or one on signals, links or timing.
+//! Kind of an event: a fault of the plant, or a fault on signals, links or timing.
 
 use shared_types::describe::{FaultDescription, FaultKindDescription, ProfileDescription};
 
@@ -9,7 +9,7 @@ use crate::reader::{Reader, Section};
 /// Fault kind.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum FaultKind<'d> {
-    /// The plant's own, which moves its parameters.
+    /// Fault of the plant itself, which moves its parameters.
     Own(&'d FaultDescription),
     /// Shared kind, on signals, links or timing.
     Shared(&'d FaultKindDescription),
@@ -23,7 +23,7 @@ impl<'d> FaultKind<'d> {
         }
     }
 
-    /// Lists the keys of its effects in addition to those of all effects.
+    /// Lists the keys of the kind's effects in addition to those of all effects.
     pub(crate) fn keys(self) -> Vec<&'d str> {
         match self {
             Self::Own(fault) => {

@@ -1,4 +1,4 @@
-//! List of numbers that effects of some kinds accept in addition: in the scenario, or in a file.
+//! List of numbers that effects of some kinds accept in addition, either in the scenario or in a file.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::keys::FILE;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
-/// Size of the largest table: the record stream carries a list in one piece, like a table.
+/// Maximum number of numbers in a list: the record stream carries a list in one piece, like a table.
 const MOST_NUMBERS: usize = 2 * MOST_POINTS;
 
 /// Returns the concatenated rows of the list; empty if there is none.

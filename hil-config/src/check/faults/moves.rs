@@ -11,7 +11,7 @@ use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Returns the value that a move makes of `value` under profile `gain`, and its formula.
+/// Returns the result of moving `value` under profile `gain`, and the formula.
 fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> (f64, String) {
     let (v, a, g) = (number(value), number(by), number(gain));
     let full = gain == 1.0;
@@ -31,7 +31,7 @@ fn moved(operation: Operation, value: f64, by: f64, gain: f64) -> (f64, String) 
     }
 }
 
-/// Returns the extreme gains of a profile. At 0 the parameter is healthy.
+/// Returns the extreme gains of a profile. At a gain of 0 the parameter is healthy.
 fn furthest(profile: &Profile) -> Vec<f64> {
     match profile {
         Profile::Sine { .. } => vec![1.0, -1.0],
@@ -49,7 +49,7 @@ fn furthest(profile: &Profile) -> Vec<f64> {
     }
 }
 
-/// Refuses a move that by itself leaves the parameter's range. `key` is that of its size.
+/// Refuses a move that by itself leaves the parameter's range. `key` is the key of its size.
 pub(super) fn stays_in_range(
     reader: &mut Reader,
     section: &Section<'_>,

@@ -63,7 +63,7 @@ impl<'a> Names<'a> {
         self.by_id.insert(id, name);
     }
 
-    /// Returns the number of the event that a section's `after` refers to.
+    /// Returns the number of the event to which a section's `after` refers.
     pub(super) fn find(&self, reader: &mut Reader, section: &Section<'_>) -> Result<u32, Reported> {
         let entry = section.table.get("after").ok_or(Reported)?;
         let path = section.path_of("after");

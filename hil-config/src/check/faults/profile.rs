@@ -11,12 +11,12 @@ use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
 
-/// Maximum number of points of a table. The record stream carries a fault in one piece, at the step at which it takes
-/// effect, and reserves room for this size.
+/// Maximum number of points of a table. The record stream carries a fault in one piece, at the step at which the fault
+/// takes effect, and reserves room for this size.
 pub(super) const MOST_POINTS: usize = 10_000;
 
-/// Returns the profile given by an effect, or else that of its fault kind, `own`, or else a step. From its beginning
-/// the effect has at most `left_s`.
+/// Returns the profile of an effect: its own, or else that of its fault kind, `own`, or else a step. At most `left_s`
+/// remains from the effect's beginning to the end of the run.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
@@ -44,7 +44,8 @@ pub(super) fn check(
         && section.table.get(&speed.name).is_some()
     {
         let path = section.path_of(&speed.name);
-        let message = format!("`{path}` is the speed of a course that `profile` replaces");
+        let message =
+            format!("`{path}` is the speed of the default course, which `profile` replaces");
         reader
             .report_at(section, &speed.name, ProblemKind::Mismatch, message)
             .expected(format!(
@@ -104,7 +105,7 @@ fn asked_for(
                         message,
                     )
                     .expected(format!("at most {MOST_POINTS} points"))
-                    .help("a stimulus of kind `table` takes more");
+                    .help("use a stimulus of kind `table` for more points");
                 return None;
             }
             let span = points::Span::of_effect(left_s);

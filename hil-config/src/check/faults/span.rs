@@ -1,4 +1,4 @@
-//! Times and durations of an event, each under a key in seconds or one in steps.
+//! Times and durations of an event, each under a key in seconds or a key in steps.
 
 use shared_types::number::exact as number;
 use shared_types::time::{Rate, Step};
@@ -63,7 +63,7 @@ impl Keys {
         Ok(Some(steps_of(rate, length_s)))
     }
 
-    /// Reads a step not after `last`, with the requested time.
+    /// Reads a step not later than `last`, with the requested time.
     pub(super) fn instant(
         self,
         reader: &mut Reader,
@@ -118,7 +118,7 @@ pub(super) fn steps_of(rate: Rate, time_s: f64) -> u64 {
     }
 }
 
-/// Reports a key without meaning because the key that it belongs to is missing.
+/// Reports a key that is meaningless because the key to which it belongs is missing.
 pub(super) fn refuse_alone(
     reader: &mut Reader,
     section: &Section<'_>,

@@ -12,7 +12,7 @@ use crate::reader::{Reader, Section};
 /// Target of a plant fault without a selector.
 const PLANT: &str = "plant";
 
-/// Lists the valid selector numbers of a fault, as text: those of groups that have all the parameters it moves.
+/// Lists the valid selector numbers of a fault, as text: the groups that have all the parameters that the fault moves.
 pub(crate) fn groups<'d>(plant: &'d PlantDescription, fault: &FaultDescription) -> Vec<&'d str> {
     let Some(selector) = &fault.selector else {
         return Vec::new();
@@ -69,7 +69,7 @@ pub(super) fn of_plant<'d>(
                 let path = section.path.clone();
                 reader
                     .report(ProblemKind::Mismatch, path, section.place, message)
-                    .expected("another kind of fault: the plant's description is wrong");
+                    .expected("another kind of fault, because the plant's description is wrong");
                 None
             }
         };
@@ -120,7 +120,7 @@ const fn described(acts_on: ActsOn) -> &'static str {
     }
 }
 
-/// Lists the groups of signals and parameters that a kind acts on.
+/// Lists the groups of signals and parameters on which a kind acts.
 const fn groups_of(acts_on: ActsOn) -> &'static [Group] {
     match acts_on {
         ActsOn::Signals => &[Group::Measured, Group::Reference, Group::Command],
@@ -134,7 +134,7 @@ const fn groups_of(acts_on: ActsOn) -> &'static [Group] {
     }
 }
 
-/// Lists the targets without a unit that a kind acts on.
+/// Lists the targets without a unit on which a kind acts.
 const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
     match acts_on {
         ActsOn::Signals | ActsOn::Numbers => &[],
@@ -147,7 +147,7 @@ const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
 /// All kinds of targets.
 const ANY: [ActsOn; 3] = [ActsOn::Numbers, ActsOn::Links, ActsOn::Sides];
 
-/// Returns the fields of a group that a target may name; `None` if they are unknown.
+/// Returns the fields of a group that a target may name; `None` if the fields are unknown.
 fn fields<'a>(context: &EventContext<'a>, group: Group) -> Option<Vec<&'a Field>> {
     let plant = context.plant?;
     Some(match group {
@@ -263,7 +263,7 @@ fn refuse(
     }
 }
 
-/// Lists all valid targets of a kind, as far as they are known.
+/// Lists all valid targets of a kind, as far as known.
 fn possible(context: &EventContext<'_>, acts_on: ActsOn) -> Vec<String> {
     let mut names: Vec<String> = names_of(acts_on).iter().map(|&name| name.into()).collect();
     for group in groups_of(acts_on) {

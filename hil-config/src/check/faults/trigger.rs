@@ -96,7 +96,7 @@ pub(super) fn condition(
             None => section.place_of(key),
         };
         let message = format!(
-            "`{}` must hold for {records} consecutive records, and the run is over before a step follows them",
+            "`{}` must hold for {records} consecutive records, but the run ends before the step after them",
             section.path_of(key)
         );
         reader
@@ -118,8 +118,8 @@ pub(super) fn condition(
     }))
 }
 
-/// Returns the first step at which each event could take effect; reports events that wait for each other and so never
-/// would, and those whose first step is beyond the last one.
+/// Returns the first step at which each event could take effect. Reports events that wait for each other and so would
+/// never begin, and events whose first step is beyond the last step of the run.
 pub(super) fn earliest(
     reader: &mut Reader,
     sections: &[Section<'_>],
@@ -142,7 +142,7 @@ pub(super) fn earliest(
                 };
                 reader
                     .report_at(section, "after", ProblemKind::Mismatch, message)
-                    .expected("an event that takes hold by itself");
+                    .expected("an event that takes effect by itself");
                 None
             }
         })
@@ -168,7 +168,7 @@ fn in_time(
     reader
         .report_at(section, key, ProblemKind::OutOfRange, message)
         .expected(format!(
-            "that the fault takes hold by {} s, step {}",
+            "that the fault takes effect by {} s, step {}",
             number(grid.rate.seconds(Step(grid.steps - 1))),
             grid.steps - 1
         ));
@@ -180,13 +180,13 @@ fn in_time(
 enum Begin {
     /// This step at the earliest.
     From(u64),
-    /// First of events that wait for each other, with their indices from there on.
+    /// Event in a circle of events that wait for each other; lists their indices from there on.
     Circular(Vec<usize>),
-    /// Never, or an event whose predecessor is itself faulty.
+    /// Unknown: the event never begins, or its predecessor is itself faulty.
     Unknown,
 }
 
-/// Determines the earliest time of each event, visiting each once however long the chains are.
+/// Determines the earliest time of each event, visiting each event once however long the chains are.
 fn begins(triggers: &[Option<Trigger>], first_id: u32) -> Vec<Begin> {
     let mut begins: Vec<Option<Begin>> = vec![None; triggers.len()];
     // Indices on the current chain; earlier chains are finished.

@@ -5,8 +5,8 @@ use shared_types::units;
 use super::{Mixed, Source, Unit};
 use crate::expression::quantity::Quantity;
 
-/// Refuses a number with a unit beside a value that a factor may have converted: the number counts in SI units, and
-/// would be off by that factor.
+/// Refuses a number with a unit combined with a value that a factor may have converted: the number counts in SI units,
+/// and would be wrong by that factor.
 pub(super) fn refuse_converted(a: &Unit<'_>, b: &Unit<'_>) -> Result<(), Mixed> {
     let (quantity, source, has_unit, is_first) = match (a, b) {
         (
@@ -80,9 +80,9 @@ pub(super) fn refuse_converted(a: &Unit<'_>, b: &Unit<'_>) -> Result<(), Mixed> 
 
 /// Common unit of two values.
 pub(super) enum Agreement {
-    /// Unit of the first.
+    /// Unit of the first value.
     First,
-    /// Unit of the second.
+    /// Unit of the second value.
     Second,
     /// No known unit.
     None,

@@ -7,7 +7,7 @@ use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 use crate::source::Place;
 
-/// Largest whole number up to which a 64-bit float distinguishes consecutive ones.
+/// Largest whole number up to which a 64-bit float distinguishes consecutive whole numbers.
 const MOST_WHOLE: f64 = (1_u64 << 53) as f64;
 
 pub(super) fn spread(
@@ -34,7 +34,7 @@ pub(super) fn spread(
                         own,
                         "max",
                         ProblemKind::OutOfRange,
-                        "no lognormal value is so small",
+                        "no lognormal value is that small",
                     )
                     .expected("max above 0");
                 return None;
@@ -113,7 +113,7 @@ pub(super) fn whole(
     }
 }
 
-/// Returns the range of a section that must have one.
+/// Returns the range of a section, which must have one.
 fn rising(reader: &mut Reader, own: &Section<'_>) -> Option<[f64; 2]> {
     let (min, max) = (reader.number(own, "min"), reader.number(own, "max"));
     let range = [min?, max?];
@@ -209,7 +209,7 @@ fn grid(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
                 own,
                 "min",
                 ProblemKind::OutOfRange,
-                "equal ratios from 0 or below",
+                "equal ratios cannot start at 0 or below",
             )
             .expected("min above 0, or scale = \"linear\"");
         return None;

@@ -1,6 +1,6 @@
 //! Definitions of formulas, applied by recursion over whole traces.
 //!
-//! Has no delays, sliding windows or shared parts. Evaluates a formula as defined by the tables of
+//! Has no delays, sliding windows or shared parts, and evaluates a formula as defined by the tables of
 //! `docs/requirements.md`, at any step.
 
 use std::fmt::Write as _;
@@ -36,7 +36,7 @@ pub(super) enum Tree {
     Edge(&'static str, Box<Tree>),
 }
 
-/// Size and step, ordered by size, then step; -0 is below +0.
+/// Size and step, ordered by size, then by step; -0 is below +0.
 pub(super) type Judged = (f64, u64);
 
 pub(super) fn is_below(a: Judged, b: Judged) -> bool {
@@ -131,7 +131,7 @@ impl Tree {
         }
     }
 
-    /// Returns the last step at which it can be evaluated in a run up to step `end`; below 0 if there is none.
+    /// Returns the last step at which the formula can be evaluated in a run up to step `end`; below 0 if there is none.
     pub(super) fn until(&self, end: i64) -> i64 {
         let limited = |step: i64| step.min(end);
         match self {
@@ -195,7 +195,7 @@ impl Tree {
         k.saturating_sub(last)..(k + 1).saturating_sub(first)
     }
 
-    /// Computes the margin at step `k`; if `holds` is `false`, that of the negation.
+    /// Computes the margin at step `k`, or the margin of the negation if `holds` is `false`.
     pub(super) fn judge(&self, k: u64, holds: bool, trace: &Trace) -> Judged {
         let at = |tree: &Self, step: u64| tree.judge(step, holds, trace);
         match self {

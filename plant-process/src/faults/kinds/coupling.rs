@@ -1,4 +1,4 @@
-//! A signal into which others leak.
+//! A signal into which other signals leak.
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::state::StateOf;
@@ -36,7 +36,7 @@ impl FaultKind for CrossCoupling {
                 return Ok((place - 1, row[1]));
             }
             Err(Invalid(format!(
-                "`cross` names signal {place}; there are 1 to {most}"
+                "`cross` names signal {place}, but there are only the signals 1 to {most}"
             )))
         };
         if setup.list.is_empty() {

@@ -1,4 +1,4 @@
-//! Limits of a drive: a slow one, one that ignores small inputs, one with play in its gear.
+//! Limits of a drive: a limited rate, a dead band, and play in a gear.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::state::StateOf;

@@ -1,4 +1,4 @@
-//! Faults that show the past, or nothing: a number is frozen, delayed, sampled now and then, or missing.
+//! Faults that show the past or nothing: a number is frozen, delayed, sampled periodically, or missing.
 
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::state::StateOf;
@@ -90,7 +90,7 @@ pub struct Delay {
 
 impl FaultKind for Delay {
     const NAME: &'static str = "delay";
-    const SUMMARY: &'static str = "The value is n steps old; in the first n steps it is that of the step at which the fault took hold.";
+    const SUMMARY: &'static str = "The value is n steps old; in the first n steps it is that of the step at which the fault took effect.";
     const EQUATION: &'static str = "y(k) = x(max(k - n, k0)) where g is not 0, else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = DelayParameters;
@@ -102,7 +102,7 @@ impl FaultKind for Delay {
                 if past.len() != fault.past.len() {
                     let (saved, now) = (past.len().saturating_sub(1), fault.steps);
                     return Err(Invalid(format!(
-                        "the delay was saved with {saved} steps and cannot resume with {now}"
+                        "the delay was saved with {saved} steps and cannot resume with {now}; keep the delay of the saved state"
                     )));
                 }
                 fault.past = past;
@@ -144,7 +144,7 @@ shared_types::table! {
     }
 }
 
-/// Takes a sample now and then and holds it.
+/// Takes a sample periodically and holds its value.
 pub struct SampleHold {
     every_steps: u64,
     phase_steps: u64,
@@ -153,7 +153,7 @@ pub struct SampleHold {
 
 impl FaultKind for SampleHold {
     const NAME: &'static str = "sample-hold";
-    const SUMMARY: &'static str = "The value is sampled at every n-th step of the run and held in between; before the first sample it is that of the step at which the fault took hold.";
+    const SUMMARY: &'static str = "The value is sampled at every n-th step of the run and held in between; before the first sample it is that of the step at which the fault took effect.";
     const EQUATION: &'static str =
         "y(k) = x(s) where g is not 0, s the last step with s mod n = p, at least k0; else y = x";
     const ACTS_ON: ActsOn = ActsOn::Numbers;

@@ -1,7 +1,7 @@
 //! Lags of first and second order, exact for an input that is linear between two steps.
 //!
-//! The same value has a second meaning for a command, which is a staircase: the output at a step is the
-//! mean over that step of the lag's continuous answer to the staircase.
+//! For a command, which is a staircase, the same value has a second meaning: the output at a step is the mean over that
+//! step of the lag's continuous response to the staircase.
 
 use std::f64::consts::TAU;
 
@@ -33,9 +33,9 @@ shared_types::table! {
 pub struct Lag {
     /// Share of the distance that is covered in a step, `1 - exp(-2 pi f T)`.
     held: f64,
-    /// Share of a change within the step that is covered in it.
+    /// Share of a change within the step that is covered in the same step.
     ramp: f64,
-    /// Input and output of the step before.
+    /// Input and output of the previous step.
     last: Option<(f64, f64)>,
 }
 
@@ -87,15 +87,15 @@ shared_types::table! {
 
 /// A lag of second order. Rates are over `w = 2 pi f`, so that time is an angle.
 pub struct SecondOrderLag {
-    /// Changes of value and rate in a step, by the distance from the input and by the rate.
+    /// Changes of value and rate in a step, caused by the distance from the input and by the rate.
     of_distance: [f64; 2],
     of_rate: [f64; 2],
-    /// The same by a change of the input within the step.
+    /// The same changes, caused by a change of the input within the step.
     of_ramp: [f64; 2],
     last: Option<Last>,
 }
 
-/// Input and output of the step before.
+/// Input and output of the previous step.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Last {
     input: f64,
@@ -103,7 +103,7 @@ struct Last {
     rate: f64,
 }
 
-/// Changes of `v` and `v'` over an angle `a`, where `v'' + 2 d v' + v = slope t` and `v`, `v'` start as said.
+/// Changes of `v` and `v'` over an angle `a`, where `v'' + 2 d v' + v = slope t` with the given initial `v` and `v'`.
 fn changes([value, rate]: [f64; 2], slope: f64, (angle, damping): (f64, f64)) -> [f64; 2] {
     if angle < 0.5 && 2.0 * damping * angle < 0.5 {
         return series([value, rate], slope, (angle, damping));
@@ -119,8 +119,8 @@ fn changes([value, rate]: [f64; 2], slope: f64, (angle, damping): (f64, f64)) ->
     [end[0] - value, end[1] - rate]
 }
 
-/// The same by the Taylor series, whose terms fall at least as fast as powers of 1/2; no difference of
-/// large numbers is left for small angles.
+/// The same changes by the Taylor series, whose terms decrease at least as fast as powers of 1/2; for small angles no
+/// difference of large numbers remains.
 fn series([value, rate]: [f64; 2], slope: f64, (angle, damping): (f64, f64)) -> [f64; 2] {
     let (mut before, mut last, mut power) = (value, rate, angle);
     let mut change = [rate * angle, 0.0];

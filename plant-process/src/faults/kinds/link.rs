@@ -1,6 +1,6 @@
 //! Faults of the link, applied to messages in transit.
 //!
-//! The profile scales probabilities and lengths: at g = 0 every message arrives punctual and intact.
+//! The profile scales probabilities and lengths: at g = 0 every message arrives on time and intact.
 
 use shared_types::describe::{ActsOn, Invalid, ListDescription};
 use shared_types::random::RandomStream;
@@ -9,7 +9,7 @@ use shared_types::state::StateOf;
 use super::whole;
 use crate::faults::kind::{FaultKind, Moment, Passage, Setup};
 
-/// Delays every copy; beyond the maximum it never arrives.
+/// Delays every copy; a copy delayed beyond the maximum never arrives.
 fn delayed(passage: &mut Passage, steps: u32) {
     for copy in &mut passage.copies {
         *copy = copy.map(|late| late.saturating_add(steps));
@@ -53,7 +53,7 @@ shared_types::table! {
 /// Lost messages.
 pub struct Loss {
     chance: Chance,
-    /// Repeating pattern of losses; empty for random ones.
+    /// Repeating pattern of losses; empty for random losses.
     pattern: Vec<bool>,
 }
 
@@ -84,14 +84,14 @@ impl FaultKind for Loss {
     fn start(setup: &Setup<'_, LossParameters>) -> Result<Self, Invalid> {
         if setup.parameters.probability < 1.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`pattern` replaces `probability`; give one of them".into(),
+                "`pattern` replaces `probability`; give only one of them".into(),
             ));
         }
         let lost = |value: &f64| match *value {
             0.0 => Ok(false),
             1.0 => Ok(true),
             other => Err(Invalid(format!(
-                "`pattern` has {other}; only 0 and 1 mean something"
+                "`pattern` contains {other}; use only 0 (delivered) and 1 (lost)"
             ))),
         };
         Ok(Self {
@@ -261,7 +261,7 @@ shared_types::table! {
 /// Swapped messages.
 pub struct Reordering {
     chance: Chance,
-    /// `true` if the last message was swapped, so that this one arrived before it.
+    /// `true` if the last message was swapped, so that this message arrives before it.
     swapped: bool,
 }
 
@@ -320,7 +320,7 @@ pub struct Corruption {
 
 impl FaultKind for Corruption {
     const NAME: &'static str = "message-corruption";
-    const SUMMARY: &'static str = "Bits of a message are inverted; the check sum of its frame detects this, and the message counts as lost.";
+    const SUMMARY: &'static str = "Bits of a message are inverted; the checksum of its frame detects this, and the message counts as lost.";
     const EQUATION: &'static str =
         "with probability P g, n different bits of frame k, drawn at random, are inverted";
     const ACTS_ON: ActsOn = ActsOn::Links;

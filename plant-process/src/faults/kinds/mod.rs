@@ -11,10 +11,10 @@
 //! 9. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
 //! 10. [`timing`] acts on time: late, skip.
 //!
-//! Those on numbers are the stages of [instruments](crate::instruments) too.
+//! The kinds that act on numbers are also the stages of [instruments](crate::instruments).
 //!
-//! The fault builder starts them by name, and the layer calls them; they depend on neither. `docs/faults.md` is their
-//! reference for users.
+//! The fault builder starts the kinds by name, and the layer calls them; the kinds depend on neither. `docs/faults.md`
+//! is the reference for users.
 
 pub mod coupling;
 pub mod drive;
@@ -69,7 +69,7 @@ pub fn all() -> Vec<FaultKindEntry> {
     ]
 }
 
-/// Largest size of a fault on a number, in the unit of its target: above every physical quantity, and far enough below
+/// Largest size of a fault on a number, in the unit of the target: above every physical quantity, and far enough below
 /// the largest double that products with a profile stay finite.
 const LARGEST: f64 = 1e30;
 

@@ -88,7 +88,7 @@ pub struct Drift(DriftParameters);
 impl FaultKind for Drift {
     const NAME: &'static str = "drift";
     const SUMMARY: &'static str =
-        "An error grows linearly from the step at which the fault took hold.";
+        "An error grows linearly from the step at which the fault took effect.";
     const EQUATION: &'static str = "y = x + r t g";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = DriftParameters;
@@ -196,7 +196,7 @@ impl FaultKind for Spike {
         let width_steps = if width == 0 { 1 } else { width };
         if period_steps > 0 && width_steps >= period_steps {
             return Err(Invalid(format!(
-                "spikes of {width_steps} steps every {period_steps} steps never end; `period_s` must be longer than `width_s`"
+                "spikes of {width_steps} steps every {period_steps} steps never end; make `period_s` longer than `width_s`"
             )));
         }
         Ok(Self {

@@ -11,8 +11,8 @@ use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
 /// Computes `sin(2 pi f t + p)`.
 ///
-/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run more
-/// and more coarsely.
+/// Whole turns are removed before the multiplication by 2 pi, which would otherwise round the angle of a long run ever
+/// more coarsely.
 fn sine(frequency_hz: f64, phase_rad: f64, since_s: f64) -> f64 {
     let turns = frequency_hz * since_s;
     libm::sin(TAU * (turns - turns.floor()) + phase_rad)
@@ -25,7 +25,7 @@ shared_types::table! {
         amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Frequency f.
         frequency_hz: "Hz" = 1.0 in 1e-6..=1e6,
-        /// Phase p when the fault takes hold.
+        /// Phase p when the fault takes effect.
         phase_rad: "rad" = 0.0 in (-1e3)..=1e3,
     }
 }
@@ -66,7 +66,7 @@ shared_types::table! {
         amplitude: "target" = 0.0 in (-LARGEST)..=LARGEST,
         /// Frequency f.
         frequency_hz: "Hz" = 1.0 in 1e-6..=1e6,
-        /// Phase p when the fault takes hold.
+        /// Phase p when the fault takes effect.
         phase_rad: "rad" = 0.0 in (-1e3)..=1e3,
         /// Mean c.
         offset: "target" = 0.0 in (-LARGEST)..=LARGEST,

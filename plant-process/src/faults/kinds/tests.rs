@@ -1,4 +1,4 @@
-//! Every kind against its closed form or a sequence worked out by hand: tests common to all kinds.
+//! Every kind against its closed form or a sequence computed by hand: tests common to all kinds.
 
 mod messages;
 mod numbers;
@@ -17,7 +17,7 @@ use crate::faults::kind::{AnySetup, Fault, Moment, Passage, Reading};
 
 type Parameters<'a> = &'a [(&'a str, f64)];
 
-/// Steps per second in these tests, such that times of steps are exact in binary.
+/// Steps per second in these tests, chosen such that times of steps are exact in binary.
 const RATE_HZ: f64 = 8.0;
 /// Bits of a frame with one signal.
 const BITS: u64 = 64 * words(1) as u64;
@@ -33,7 +33,7 @@ fn entry(kind: &str) -> FaultKindEntry {
     entries.unwrap_or_else(|| panic!("no kind `{kind}`"))
 }
 
-/// Starts a fault like the fault builder: omitted parameters have their defaults.
+/// Starts a fault as the fault builder does: omitted parameters have their defaults.
 fn try_start(kind: &str, values: Parameters<'_>, list: &[f64]) -> Result<Box<dyn Fault>, Invalid> {
     let entry = entry(kind);
     let mut parameters = Settings::default();
@@ -252,17 +252,22 @@ fn inconsistent_parameters_are_refused_with_the_reason() {
             "cross-coupling",
             &[],
             &[5.0, 0.1],
-            "signal 5; there are 1 to 4",
+            "signal 5, but there are only the signals 1 to 4",
         ),
         ("cross-coupling", &[], &[0.0, 0.1], "signal 0"),
         ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
-        ("message-loss", &[("probability", 0.5)], &[1.0], "give one"),
+        (
+            "message-loss",
+            &[("probability", 0.5)],
+            &[1.0],
+            "give only one",
+        ),
         ("late", &[], &[], "needs"),
         ("late", &[("busy_us", 1.0)], &[1.0, 1.0], "replaces"),
         ("late", &[], &[1.0, -1.0], "weight -1"),
         ("late", &[], &[-1.0, 1.0], "-1 us"),
         ("late", &[], &[1.0, f64::NAN], "weight nan"),
-        ("late", &[], &[1.0, 0.0], "no weight"),
+        ("late", &[], &[1.0, 0.0], "no positive weight"),
         ("late", &[], &[1.0, 1.0, 2.0], "without a weight"),
     ];
     for (kind, parameters, list, reason) in cases {

@@ -22,7 +22,7 @@ shared_types::table! {
 /// Busy time of a side before it sends.
 pub struct Late {
     parameters: LateParameters,
-    /// Times in us with cumulative weights, the last one 1.
+    /// Times in us with cumulative weights, of which the last is 1.
     histogram: Vec<(f64, f64)>,
     random: Option<RandomStream>,
 }
@@ -60,14 +60,14 @@ impl FaultKind for Late {
         }
         if busy_us + spread_us > 0.0 && !setup.list.is_empty() {
             return Err(Invalid(
-                "`histogram` replaces `busy_us` and `spread_us`".into(),
+                "`histogram` replaces `busy_us` and `spread_us`; omit them".into(),
             ));
         }
         let mut histogram = Vec::new();
         let mut sum = 0.0;
         for pair in setup.list.chunks(2) {
             let &[length_us, weight] = pair else {
-                return Err(Invalid("`histogram` has a length without a weight".into()));
+                return Err(Invalid("`histogram` has a length without a weight; give pairs of a length and a weight".into()));
             };
             if !(0.0..=1e6).contains(&length_us) || !(0.0..=1e300).contains(&weight) {
                 return Err(Invalid(format!(
@@ -80,7 +80,7 @@ impl FaultKind for Late {
             histogram.push((length_us, sum));
         }
         if !histogram.is_empty() && sum <= 0.0 {
-            return Err(Invalid("`histogram` has no weight".into()));
+            return Err(Invalid("`histogram` has no positive weight".into()));
         }
         for (_, up_to) in &mut histogram {
             *up_to /= sum;
@@ -152,7 +152,7 @@ impl FaultKind for Skip {
         let length = burst * (u64::from(steps) + 1);
         if period_steps > 0 && period_steps < length {
             return Err(Invalid(format!(
-                "a burst takes {length} steps; `period_steps` {period_steps} is shorter"
+                "a burst takes {length} steps, which is longer than `period_steps` {period_steps}; make the period longer or the burst shorter"
             )));
         }
         Ok(Self {

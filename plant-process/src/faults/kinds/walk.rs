@@ -17,12 +17,12 @@ shared_types::table! {
     }
 }
 
-/// An error that wanders about 0 and forgets where it was.
+/// An error that wanders about 0 and gradually forgets its past.
 pub struct GaussMarkov {
     standard_deviation: f64,
-    /// Part of the value that is left after a step, `exp(-dt / T)`.
+    /// Share of the value that remains after a step, `exp(-dt / T)`.
     kept: f64,
-    /// Standard deviation of what is new in a step.
+    /// Standard deviation of the random part added in a step.
     fresh: f64,
     random: Option<RandomStream>,
     value: Option<f64>,
@@ -85,7 +85,7 @@ shared_types::table! {
     }
 }
 
-/// An error that wanders away.
+/// An error that wanders without bound.
 pub struct RandomWalk {
     /// Standard deviation of one step.
     step: f64,
@@ -95,7 +95,7 @@ pub struct RandomWalk {
 
 impl FaultKind for RandomWalk {
     const NAME: &'static str = "random-walk";
-    const SUMMARY: &'static str = "An error is added that walks away at random, from 0 at the step at which the fault took hold.";
+    const SUMMARY: &'static str = "An error is added that walks away at random, from 0 at the step at which the fault took effect.";
     const EQUATION: &'static str = "y = x + b g; b(k0) = 0, b(k) = b(k - 1) + K sqrt(dt) n(k), n normal with mean 0 and variance 1";
     const ACTS_ON: ActsOn = ActsOn::Numbers;
     type Parameters = RandomWalkParameters;

@@ -36,7 +36,7 @@ shared_types::table! {
     }
 }
 
-/// Declares a kind of fault with the parameter `by`, or with none.
+/// Declares a kind of fault with the parameter `by`, or without parameters.
 macro_rules! kind {
     ($kind:ident, $name:literal, $acts_on:ident, $parameters:ident, $method:ident, $body:expr, $at:ty $(, $result:ty)?) => {
         struct $kind($parameters, Option<RandomStream>);
@@ -237,7 +237,7 @@ impl FaultKind for Before {
 /// Number of existing faults of the kind [`Counted`].
 pub(super) static COUNTED: AtomicUsize = AtomicUsize::new(0);
 
-/// Changes nothing, and is counted while it exists; for one test only.
+/// Changes nothing, but is counted while it exists; for one test only.
 struct Counted;
 
 impl FaultKind for Counted {

@@ -51,10 +51,10 @@ fn a_live_fault_begins_at_the_announced_step() {
         (
             after(2, 1),
             None,
-            Some("1 steps after fault 2 takes hold"),
+            Some("1 steps after fault 2 takes effect"),
             10,
         ),
-        (after(2, 0), None, Some("fault 2 to take hold"), 9),
+        (after(2, 0), None, Some("fault 2 to take effect"), 9),
     ];
     for (trigger, step, waits_for, begin) in cases {
         let b = |id, step| event(id, "plus", at(step), &[on("measured.b_m", 1.0)]);
@@ -81,7 +81,8 @@ fn a_fault_in_the_past_is_refused_and_none_is_admitted() {
     let mut rig = Rig::new(&[]);
     rig.run(7);
     let result = rig.admit(vec![plus(1, Trigger::Now), plus(2, at(6))]);
-    let expected = "step 6 (0.6 s) is past: the run is at step 7 (0.7 s)";
+    let expected =
+        "step 6 (0.6 s) is past, because the run is at step 7 (0.7 s); choose a later time";
     assert_eq!(result, Err(expected.into()));
     assert_eq!(rig.each(2, |passed| passed.sample[0]), [7.0, 8.0]);
     assert!(rig.layer.states().is_empty());
@@ -185,7 +186,7 @@ fn a_follower_of_a_fault_cleared_before_its_beginning_never_begins() {
     rig.run(2);
     rig.layer.clear(Some(1), Step(2));
     let result = rig.admit(vec![plus(3, Trigger::Now), plus(4, after(1, 0))]);
-    let expected = "fault 1 ended before it took hold: nothing can follow it";
+    let expected = "fault 1 ended before it took effect: nothing can follow it";
     assert_eq!(result, Err(expected.into()));
     rig.run(8);
     assert_eq!(rig.told, [(1, 0, 2, 'x')]);
@@ -238,7 +239,12 @@ fn the_states_describe_what_each_fault_does_and_waits_for() {
             (3, "scenario", "waiting", "step 6"),
             (4, "scenario", "waiting", "`sensed.a_m > 100` to hold"),
             (5, "cli", "waiting", "step 9"),
-            (6, "scenario", "waiting", "2 steps after fault 4 takes hold"),
+            (
+                6,
+                "scenario",
+                "waiting",
+                "2 steps after fault 4 takes effect"
+            ),
         ]
     );
     assert_eq!(rig.layer.states()[1].effects[0].acted_steps, 2);

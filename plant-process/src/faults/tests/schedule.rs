@@ -226,7 +226,7 @@ fn an_event_that_ends_before_its_trigger_never_begins_nor_do_its_followers() {
         .collect();
     assert_eq!(states, ["ended", "waiting", "waiting"]);
     let waits_for = rig.layer.states().remove(1).waits_for.expect("it waits");
-    assert_eq!(waits_for, "fault 1, which ended before it took hold");
+    assert_eq!(waits_for, "fault 1, which ended before it took effect");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Both actuators side by side: their parameters and their states as pairs.
 //!
-//! Built from the tables and used by the equations. Contains only what the right-hand side uses.
+//! Built from the tables and used by the equations. Contains only the parameters and states that the right-hand side
+//! uses.
 
 use super::ActuatorState;
 use super::pair::Pair;
@@ -16,7 +17,7 @@ macro_rules! side_by_side {
         }
 
         impl $name {
-            /// Combines two, in order.
+            /// Combines two values, in order.
             #[inline]
             #[must_use]
             pub fn of([one, two]: [&$one; 2]) -> Self {
@@ -61,7 +62,7 @@ side_by_side! {
 }
 
 impl ActuatorStates {
-    /// Returns the lower pressure of each.
+    /// Returns the lower pressure of each actuator.
     #[inline]
     #[must_use]
     pub fn lowest_pressures_pa(&self) -> Pair {
@@ -69,7 +70,7 @@ impl ActuatorStates {
         p_h1.is_below(p_h2).choose(p_h1, p_h2)
     }
 
-    /// Splits the state into the two actuators'.
+    /// Splits the state into those of the two actuators.
     #[inline]
     #[must_use]
     pub fn split(&self) -> [ActuatorState; 2] {

@@ -1,7 +1,7 @@
 //! The hydraulic cylinder: piston and chambers (eqs. 2 to 4).
 //!
-//! Called by the right-hand side of the hydraulic system, and [`boiled`] by its substeps. The piston
-//! has no end stops: the limits of the truth signals end a run before it would reach them.
+//! Called by the right-hand side of the hydraulic system, and [`boiled`] by its substeps. The piston has no end stops:
+//! the limits of the truth signals end a run before the piston would reach them.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::pair::Pair;
@@ -94,7 +94,7 @@ pub fn passive_pressure_rate_paps(
     passive_stiffness_pa_per_m3(p, state.position_m) * (p.area2_m2 * v_h + q_h - q_h2)
 }
 
-/// Returns the state with no chamber below the vapour pressure.
+/// Returns the state with both chambers at or above the vapour pressure.
 ///
 /// `max(P, P_v)`: vapour fills the missing volume at constant pressure (Merritt, Hydraulic Control Systems, 1967, on
 /// cavitation). The size of the bubble is not modelled: when the chamber is refilled the pressure rises at once,
@@ -119,7 +119,7 @@ mod tests {
     use super::super::tables::ActuatorParameters;
     use super::*;
 
-    /// Round numbers, different on both sides.
+    /// Round numbers, different on each side.
     fn one() -> ActuatorParameters {
         ActuatorParameters {
             piston_mass_kg: 50.0,

@@ -1,5 +1,5 @@
-//! Faults of the hydraulic system: names for the faults of its parts, each with the parameters that it moves and by how
-//! much.
+//! Faults of the hydraulic system: names for the faults of its parts, each with the parameters that it moves and the
+//! amounts by which it moves them.
 //!
 //! Part of the plant's description for the launcher; the fault layer around the plant moves the parameters. The
 //! consequences of a moved parameter are in the equations of its physical part. Every range keeps the integration
@@ -281,7 +281,7 @@ fn of_actuator(
     }
 }
 
-/// Creates a required size of an effect.
+/// Creates a required magnitude of an effect.
 fn size(key: &str, unit: &str, text: &str, [min, max]: [f64; 2]) -> Field {
     Field {
         min,
@@ -290,7 +290,7 @@ fn size(key: &str, unit: &str, text: &str, [min, max]: [f64; 2]) -> Field {
     }
 }
 
-/// Creates an optional size of an effect.
+/// Creates an optional magnitude of an effect.
 fn or_else(size: Field, default: f64) -> Field {
     Field {
         default: Some(default),

@@ -1,7 +1,7 @@
 //! Forces that hold the piston in addition to oil, rod and viscous damping: dry friction and seizure.
 //!
-//! Called by the right-hand side of the hydraulic system. The paper has neither; with neutral parameters both are
-//! absent. Both are smooth enough for the Runge-Kutta method's fixed step.
+//! Called by the right-hand side of the hydraulic system. The paper has neither; with neutral parameters both forces
+//! are absent. Both are smooth enough for the fixed step of the Runge-Kutta method.
 
 use super::actuators::Actuators;
 use super::pair::Pair;

@@ -6,9 +6,9 @@
 //!
 //! Near `P_h1 = P_h2` the root in eq. 5 is not Lipschitz: the true pressures meet in finite time and stay together,
 //! while a Runge-Kutta step overshoots, and the next one overshoots back. The fault's leak alone, at fixed volumes, has
-//! a closed form instead. With `y = P_h1 - P_h2`, `sqrt|y|` falls linearly and stays at 0. A substep whose leak alone
-//! would empty `y` of either actuator is cut into equal parts; if it still would within a part, that leak is removed
-//! from the right-hand side there and its closed form applied instead, half of it before and half after.
+//! a closed form instead. With `y = P_h1 - P_h2`, `sqrt|y|` falls linearly and stays at 0. A substep is cut into equal
+//! parts if the leak alone would empty `y` of either actuator. If the leak would still do so within a part, it is
+//! removed from the right-hand side there and its closed form is applied instead, half of it before and half after.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::cylinder;

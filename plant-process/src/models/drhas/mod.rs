@@ -95,12 +95,12 @@ pub struct State {
 /// 4100 Pa.
 const PARTS_OF_EMPTYING_SUBSTEP: u32 = 4;
 
-/// The hydraulic system: its present parameters, the integrated state, and the spools, whose course has a closed form.
+/// The hydraulic system: its current parameters, the integrated state, and the spools, whose course has a closed form.
 pub struct Drhas {
     parameters: Parameters,
     state: State,
     spools: [Spool; 2],
-    /// The actuators' parameters side by side.
+    /// The actuators' parameters, as pairs.
     actuators: Actuators,
     /// `true` if the seal of an actuator leaks.
     leaks: bool,
@@ -114,7 +114,7 @@ pub struct Drhas {
 struct Course {
     /// Target positions of the spools.
     wanted_m: [f64; 2],
-    /// Edges that stay open, once no spool moves any more.
+    /// Edges that stay open once no spool moves any more.
     still: Option<[OpenEdges; 3]>,
     /// Present disturbances.
     disturbances_n: Pair,
@@ -137,7 +137,8 @@ impl Drhas {
 
     /// Integrates a step: a substep or a part of one.
     ///
-    /// Inlined, so that the right-hand side can reuse the roots and quotients that decide if the substep must be cut.
+    /// Inlined, so that the right-hand side can reuse the roots and quotients that decide whether the substep must be
+    /// cut.
     #[inline(always)]
     fn substep<const BEYOND_PAPER: bool>(
         &self,
@@ -157,8 +158,8 @@ impl Drhas {
 
     /// Integrates a substep in which the fault's leak alone would empty a pressure difference, in parts.
     ///
-    /// The leak is part of the right-hand side, unless it alone would make an actuator's pressures equal within the
-    /// part (see [`leakage`]): then its exact flow is applied instead, half before and half after the rest.
+    /// The leak is part of the right-hand side, unless the leak alone would make an actuator's pressures equal within
+    /// the part (see [`leakage`]): then its exact flow is applied instead, half before and half after the rest.
     #[cold]
     fn emptying_substep<const BEYOND_PAPER: bool>(
         &mut self,

@@ -1,8 +1,8 @@
 //! Pairs of numbers: the same quantity of both actuators.
 //!
 //! Used by the equations of the hydraulic system, which treat both actuators alike. One instruction computes both
-//! numbers, each rounded as it would be alone: IEEE 754 defines sums, products, quotients and roots exactly, so that a
-//! pair has the same bits on every machine.
+//! numbers, each rounded as it would be alone: IEEE 754 defines sums, products, quotients and roots exactly, so a pair
+//! has the same bits on every machine.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -55,21 +55,21 @@ impl Pair {
         Self(self.0.fast_max(f64x2::splat(0.0)))
     }
 
-    /// Applies a function to each.
+    /// Applies a function to each number.
     #[inline]
     #[must_use]
     pub fn map(self, function: impl FnMut(f64) -> f64) -> Self {
         Self::from(self.to_array().map(function))
     }
 
-    /// Marks the numbers below those of another pair; NaN never is.
+    /// Marks the numbers below those of another pair, and never NaN.
     #[inline]
     #[must_use]
     pub fn is_below(self, other: Self) -> Which {
         Which(self.0.simd_lt(other.0))
     }
 
-    /// Marks the numbers above those of another pair; NaN never is.
+    /// Marks the numbers above those of another pair, and never NaN.
     #[inline]
     #[must_use]
     pub fn is_above(self, other: Self) -> Which {

@@ -1,8 +1,8 @@
 //! Right-hand side of the hydraulic system: the equations of its parts combined.
 //!
-//! Called by the substeps, 4 times each. It has two forms, the paper's and one with the effects beyond the paper; if
-//! those are neutral both give the same bits. They are compiled separately because conditions inside the paper's form
-//! would cost it up to a quarter of its speed.
+//! Called four times by each substep. The right-hand side has two forms, the paper's form and one with the effects
+//! beyond the paper; if those effects are neutral, both give the same bits. The forms are compiled separately because
+//! conditions inside the paper's form would cost up to a quarter of its speed.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::pair::Pair;
@@ -19,7 +19,7 @@ pub(super) struct Inputs {
     pub disturbances_n: Pair,
 }
 
-/// State or rates in the form for integration: the actuators side by side.
+/// State or rates in the form for integration: the actuators as pairs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
     /// Angle and rate of the surface.

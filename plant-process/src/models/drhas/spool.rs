@@ -1,5 +1,5 @@
-//! The spool of the servo valve: from the commanded current to its position (eq. 1), with effects beyond the paper's
-//! spool: a null bias, stops, a lag, and sticking.
+//! The spool of the servo valve: from the commanded current to the spool's position (eq. 1), with effects beyond the
+//! paper: a null bias, stops, a lag, and sticking.
 //!
 //! Called by the substeps of the hydraulic system, which pass the position to [`valve`](super::valve). The current is
 //! constant during a step, so that the lag has an exact solution: the spool is not among the integrated states. With
@@ -16,7 +16,7 @@ use super::tables::ActuatorParameters;
 pub struct Spool {
     /// Position x_v, positive for a flow that extends the rod.
     pub position_m: f64,
-    /// Position x_j at which the spool got stuck, or would now.
+    /// Position x_j at which the spool got stuck, or at which it would stick now.
     pub stuck_m: f64,
 }
 
@@ -65,8 +65,8 @@ impl Spool {
 
     /// Returns the target position of the spool under a constant current.
     ///
-    /// `w = (1 - j) (k_i u + b) + j x_j`: a spool stuck to the degree `j` follows only the rest of its way, and a
-    /// completely stuck one stays where it stuck.
+    /// `w = (1 - j) (k_i u + b) + j x_j`: a spool stuck to the degree `j` covers only the rest of its way, and a
+    /// completely stuck spool stays where it stuck.
     #[inline]
     #[must_use]
     pub fn wanted_m(&self, p: &ActuatorParameters, current_a: f64) -> f64 {
@@ -77,10 +77,10 @@ impl Spool {
         (1.0 - j) * free_m + j * self.stuck_m
     }
 
-    /// Advances, and returns the positions at the beginning, middle and end.
+    /// Advances the spool, and returns its positions at the beginning, middle and end.
     ///
-    /// Runge-Kutta needs smooth inputs: for a lag shorter than a substep it overweights the beginning, and the spool
-    /// acts up to a sixth of a substep (4 us of 25 us) too late.
+    /// Runge-Kutta needs smooth inputs: with a lag shorter than a substep the method overweights the beginning, and the
+    /// spool acts up to a sixth of a substep (4 us of 25 us) too late.
     #[inline]
     pub fn travel(&mut self, p: &ActuatorParameters, wanted_m: f64, duration_s: f64) -> [f64; 3] {
         let lag_s = p.valve_lag_s;

@@ -1,6 +1,6 @@
-//! Physics of the whole system: equilibrium, conservation, symmetry and a leak that does not chatter;
-//! in `golden` order of convergence and agreement with an independent solver, in `paper` the paper's
-//! experiment under its proportional law.
+//! Physics of the whole system: equilibrium, conservation, symmetry and a leak that does not chatter; `golden` tests
+//! the order of convergence and the agreement with an independent solver, `paper` the paper's experiment under its
+//! proportional law.
 
 mod faults;
 mod golden;

@@ -1,8 +1,8 @@
 //! The electro-hydraulic servo valve: from the spool's position to the flows of the chambers (eqs. 7 to 13).
 //!
 //! Called by the right-hand side of the hydraulic system with the position from [`spool`](super::spool). The valve's
-//! edges neither overlap nor leak, as in the paper. The paper's `s(u)` is `s(x_v)` here, which is the same while
-//! `x_v = k_i u` and remains valid for other spool positions.
+//! edges neither overlap nor leak, as in the paper. The paper's `s(u)` is written `s(x_v)` here, which is the same
+//! while `x_v = k_i u` and remains valid for other spool positions.
 
 use super::actuators::{ActuatorStates, Actuators};
 use super::pair::Pair;
@@ -21,10 +21,10 @@ pub struct OpenEdges {
 }
 
 impl OpenEdges {
-    /// Returns the edges at a position of the spools.
+    /// Returns the open edges at a position of the spools.
     ///
     /// `x_v > 0` connects the active chamber to the supply and the passive one to the return, `x_v < 0` the reverse
-    /// (eq. 9). At `x_v = 0`, where the paper counts both edges, nothing flows whatever their roots are, and one edge
+    /// (eq. 9). At `x_v = 0`, where the paper counts both edges, nothing flows whatever the roots are, and one edge
     /// stands for both.
     #[inline]
     #[must_use]
@@ -96,7 +96,7 @@ pub fn flow_of_soft_supply_m3ps(p: &Actuators, spool_m: Pair, stiff_m3ps: Pair) 
     k2_r.is_equal(Pair::both(0.0)).choose(q_0, soft)
 }
 
-/// Square root of a pressure drop, 0 if the drop is negative.
+/// Square root of a pressure drop; 0 if the drop is negative.
 #[inline]
 fn root(drop_pa: Pair) -> Pair {
     drop_pa.or_zero_if_negative().sqrt()

@@ -1,4 +1,4 @@
-//! Links with one flaw each, and the properties that each flaw breaks; together all of them.
+//! Links with one flaw each, and the properties that each flaw violates; together all of them.
 
 use std::cell::Cell;
 use std::rc::Rc;
@@ -59,7 +59,7 @@ struct Wire {
     waits: [Cell<bool>; 2],
 }
 
-/// Place whose links have a flaw.
+/// Meeting point whose links have a flaw.
 struct Broken<F, const FLAW: usize> {
     place: F,
     wire: Rc<Wire>,
@@ -242,7 +242,7 @@ impl<L: Link, const FLAW: usize> Link for BrokenLink<L, FLAW> {
     }
 }
 
-/// Sleeps on a bell that is announced too late, or on none.
+/// Sleeps on a bell that is announced too late, or on no bell.
 #[derive(Debug)]
 struct BrokenSleeper(Box<dyn Sleeper>, bool);
 

@@ -1,4 +1,4 @@
-//! Record streams with one flaw each, and the properties that each flaw breaks; together all of them.
+//! Record streams with one flaw each, and the properties that each flaw violates; together all of them.
 
 use std::sync::{Arc, Weak};
 use std::time::Duration;
@@ -24,7 +24,7 @@ flaws! {
         a_dead_recorder_holds_nobody_up;
 }
 
-/// Place whose stream has a flaw.
+/// Meeting point whose stream has a flaw.
 struct Broken<F, const FLAW: usize>(F);
 
 impl<F: Fixture, const FLAW: usize> Fixture for Broken<F, FLAW> {

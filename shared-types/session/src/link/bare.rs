@@ -1,8 +1,8 @@
 //! The bare iceoryx2 exchange: one blackboard entry in each direction between two processes, used as in the link, but
 //! without filling, stamping and checking frames.
 //!
-//! Benchmarks compare the link with it. It is kept beside the link because both share nearly all code that the compiler
-//! generates from iceoryx2; no run uses it.
+//! Benchmarks compare the link with this exchange. Both share nearly all code that the compiler generates from
+//! iceoryx2, so they are in one package; no run uses the bare exchange.
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryHandleMut;
@@ -84,8 +84,8 @@ impl Blackboard {
         self.incoming.receive()
     }
 
-    /// Opens an end for payloads of `there` values from the plant and `back` values to it. The plant's end must be
-    /// opened before the controller's.
+    /// Opens an end for payloads of `there` values from the plant and `back` values to the plant. The plant's end must
+    /// be opened before the controller's.
     ///
     /// # Errors
     /// If shared memory cannot be used, or the plant has not created its end.

@@ -1,7 +1,7 @@
-//! Bells: each side of a session sleeps on its own bell, and every sender to it rings.
+//! Bells: each side of a session sleeps on its own bell, and everyone who sends to that side rings it.
 //!
-//! A bell is two words in shared memory. They carry no data and so cannot influence a result. No ring is lost, and none
-//! costs a system call unless somebody sleeps:
+//! A bell is two words in shared memory. They carry no data and so cannot influence a result. No ring is lost, and a
+//! ring costs a system call only if the owner sleeps:
 //!
 //! 1. The sleeper reads `rings`, sets `sleeping`, and polls once more for its message.
 //! 2. The ringer sends, then reads `sleeping`. If it is set, the ringer increments `rings` and wakes the sleeper.
@@ -9,8 +9,8 @@
 //!
 //! A full fence separates sending from reading on both sides, so at least one of the two sees the other.
 //!
-//! The kernel's timer adds 0.3 us to each sleep. A bell that [ticks](Bell::tick) is rung every 50 ms while its owner
-//! sleeps now and then, so that longer sleeps need no timer. The ringing thread parks in between:
+//! The kernel's timer adds 0.3 us to each sleep. A bell that [ticks](Bell::tick) rings every 50 ms while its owner
+//! sleeps from time to time, so that longer sleeps need no timer. The ringing thread parks in between:
 //!
 //! 1. The owner sets `wanted` before it sleeps, and wakes the thread if `parked` is set.
 //! 2. The thread takes `wanted`. If it was set, the thread rings 50 ms later; otherwise it sets `parked`, reads
@@ -90,7 +90,7 @@ impl Owner {
 }
 
 impl Bell {
-    /// Creates a bell. Its file is removed with the last clone here, or with the session.
+    /// Creates a bell. Its file is removed with the last clone in this process, or with the session.
     ///
     /// # Errors
     /// [`LinkError::Taken`] if the bell exists already, or an error if shared memory cannot be used.
@@ -117,8 +117,8 @@ impl Bell {
             })
     }
 
-    /// Opens a bell that another process made. Call it only once a service exists that is created after the bell: the
-    /// wait for a file that has no size yet is unlimited.
+    /// Opens a bell that another process made. Call it only once a service exists that is created after the bell,
+    /// because the wait for a file without a size is unlimited.
     ///
     /// # Errors
     /// [`LinkError::Absent`] while the bell does not exist.
@@ -134,7 +134,7 @@ impl Bell {
                 DynamicStorageOpenError::DoesNotExist
                 | DynamicStorageOpenError::InitializationNotYetFinalized => LinkError::Absent {
                     service: name.clone(),
-                    reason: "the plant has not created it".into(),
+                    reason: "the plant has not created the bell".into(),
                 },
                 error => transport(&name, error),
             })
@@ -149,8 +149,8 @@ impl Bell {
         self.0.words.get()
     }
 
-    /// Rings every 50 ms from now on while the owner sleeps, on a separate thread that ends with the last clone here.
-    /// Called by the owner; if no thread can be started, it keeps sleeping with a timer.
+    /// Rings every 50 ms from now on while the owner sleeps, on a separate thread that ends with the last clone in this
+    /// process. Called by the owner; if no thread can be started, the owner keeps sleeping with a timer.
     pub fn tick(&self) {
         if self.0.ticker.get().is_some() {
             return;
@@ -167,7 +167,7 @@ impl Bell {
         }
     }
 
-    /// Wakes the owner if it sleeps or is about to. Call it after sending.
+    /// Wakes the owner if it sleeps or is about to sleep. Call it after sending.
     #[inline]
     pub fn ring(&self) {
         let words = self.words();
@@ -217,7 +217,7 @@ impl Sleeper for Bell {
     }
 }
 
-/// Returns `true` if ticks end a sleep of at most `ns` in time, even one that is late by as long again.
+/// Returns `true` if ticks end a sleep of at most `ns` soon enough, even a sleep that lasts twice as long.
 const fn has_no_timer(ns: u64) -> bool {
     ns as u128 >= 2 * TICK.as_nanos()
 }
@@ -356,8 +356,8 @@ mod tests {
         }
     }
 
-    /// Two threads pass a number to and fro and sleep whenever they see nothing new. A lost ring shows as a sleep of
-    /// one minute.
+    /// Two threads pass a number back and forth and sleep whenever they see nothing new. A lost ring shows as a sleep
+    /// of one minute.
     #[test]
     fn no_ring_is_lost() {
         const TURNS: u64 = 1_000_000;

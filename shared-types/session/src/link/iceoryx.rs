@@ -1,10 +1,11 @@
 //! The link over iceoryx2 shared memory.
 //!
-//! Frames use the blackboard pattern, one service per direction: a lock-free cell that holds the latest frame. It costs
-//! about half of publish-subscribe (see the bench `exchange`), and lockstep and real time need only the newest frame.
-//! If its writer is killed, a blackboard cell stays locked, so each epoch, that is each controller, gets its own
-//! services. Control messages use publish-subscribe, also with services per epoch. The plant creates every service and
-//! verifies the result; the controller opens them and proves the layout hash.
+//! Frames use the blackboard pattern, with one service in each direction: a lock-free cell that holds the latest frame.
+//! The pattern costs about half of publish-subscribe (see the bench `exchange`), and lockstep and real time need only
+//! the latest frame.
+//! A blackboard cell stays locked if its writer is killed, so each controller, identified by its epoch, gets its own
+//! services. Control messages use publish-subscribe, also with services for each epoch. The plant creates every service
+//! and verifies the result; the controller opens the services and proves the layout hash.
 
 use iceoryx2::identifiers::UniqueNodeId;
 use iceoryx2::port::ReceiveError;
@@ -39,10 +40,10 @@ pub struct IceoryxLink {
     /// Bell that this side sleeps on.
     bell: Bell,
     control: ControlChannel,
-    /// Control channel of the controller whose frames are in use, while another one is expected.
+    /// Control channel of the controller whose frames are in use, while another controller is expected.
     active: Option<ControlChannel>,
     frames: Option<Frames>,
-    /// Frame channels opened last, while others are in use.
+    /// Frame channels opened last, while older ones are still in use.
     next: Option<Frames>,
     /// Frame channels of the previous job.
     kept: Option<Frames>,
@@ -94,9 +95,9 @@ impl IceoryxLink {
         self.bell.clone()
     }
 
-    /// Prepares the link for the next job of a persistent process. Its frame channels are kept, as creating them takes
-    /// longer than a short run: the next job must have the same layout. A frame of the previous job is rejected by its
-    /// session number, which differs between jobs.
+    /// Prepares the link for the next job of a persistent process. The frame channels are kept, because creating them
+    /// takes longer than a short run; so the next job must have the same layout. A frame of the previous job is
+    /// rejected by its session number, which differs between jobs.
     pub fn begin_next(&mut self) {
         self.kept = self.frames.take();
         self.next = None;
@@ -220,7 +221,7 @@ fn topic(node: &Node<Ipc>, side: Side, name: &str) -> Result<Topic<Ipc, [u8], ()
     }
 }
 
-/// Returns the process behind a node; 0 if it has none.
+/// Returns the process number of a node; 0 if it has none.
 fn process_of(node: &UniqueNodeId) -> u32 {
     node.pid::<Ipc>().map_or(0, |pid| pid.value() as u32)
 }
@@ -278,7 +279,7 @@ impl Link for IceoryxLink {
         Ok(match strangers.next() {
             None => Peer::Launched,
             Some(pid) => Peer::Stranger(format!(
-                "process {pid}{} acts as the controller; the launched one is process {}",
+                "process {pid}{} acts as the controller, but the process launched as the controller is {}",
                 ProcessId::name(pid).map_or_else(String::new, |name| format!(" ({name})")),
                 launched.process.pid
             )),

@@ -1,7 +1,7 @@
 //! The link between plant and controller over iceoryx2 shared memory.
 //!
-//! [`iceoryx`] is the link, [`bell`] what ends a sleep of its sides, [`service`] what both stand on, [`bare`] the
-//! same exchange without frames for benchmarks. It knows no step, as no link does.
+//! [`iceoryx`] is the link, [`bell`] ends the sleep of a side, [`service`] is the common base of both, and [`bare`] is
+//! the same exchange without frames, for benchmarks. Like every link, it knows nothing of steps.
 
 pub mod bare;
 pub mod bell;

@@ -1,6 +1,6 @@
-//! Services of iceoryx2 in a session: the node of a process, subscribers that cannot be cut off, and failures by name.
+//! Services of iceoryx2 in a session: the node of a process, subscribers that cannot be cut off, and named failures.
 //!
-//! The link, the bells and the record stream stand on it; it knows none of them.
+//! Common base of the link, the bells and the record stream, all of which it does not know.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -49,7 +49,7 @@ pub(crate) fn absent(service: &str, error: PublishSubscribeOpenError) -> LinkErr
     LinkError::Absent {
         service: service.into(),
         reason: match error {
-            Open::DoesNotExist => "the plant has not created it".into(),
+            Open::DoesNotExist => "the plant has not created the service".into(),
             other => format!("iceoryx2 reports {other:?}"),
         },
     }
@@ -80,7 +80,7 @@ where
     })?;
     // A publisher that existed before this subscriber sets the flag without an error.
     if is_cut_off.load(Ordering::Relaxed) {
-        let what = "its publisher cannot be reached";
+        let what = "the service's publisher cannot be reached";
         return Err(match shared_memory::hindrance() {
             Some(_) => transport(service, format_args!("{what}")),
             None => LinkError::Absent {

@@ -1,4 +1,4 @@
-//! Properties specific to the link over shared memory; `conformance` has those of every link.
+//! Properties specific to the link over shared memory; `conformance` covers those of every link.
 
 use super::iceoryx::IceoryxLink;
 use crate::session::Session;

@@ -1,4 +1,4 @@
-//! Server side: a socket of a session, served on its own thread, one line of JSON each way.
+//! Server side: a socket of a session, served on its own thread, with one line of JSON in each direction.
 
 use std::convert::Infallible;
 use std::io::{BufRead, BufReader, Read, Write};
@@ -17,14 +17,14 @@ use shared_types::live::Refusal;
 
 /// Time that a client may take to send its line or to read the response.
 const CLIENT_LIMIT: Duration = Duration::from_secs(1);
-/// Time that clients that connected before the end may take together.
+/// Total time for the clients that connected before the end.
 const END_LIMIT: Duration = Duration::from_secs(1);
 /// Delay before the next attempt after a failed accept.
 const RETRY: Duration = Duration::from_millis(10);
 /// Maximum length of a request in bytes.
 const LONGEST: u64 = 1 << 20;
 
-/// Socket of a session, served until this value is dropped. Clients that connected before are still answered, within a
+/// Socket of a session, served until this value is dropped. Clients that connected earlier are still answered, within a
 /// second.
 #[derive(Debug)]
 pub struct Listening {
@@ -78,7 +78,7 @@ impl Drop for Listening {
     }
 }
 
-/// Answers one client of a socket: one line of JSON each way. The client's line may be no valid request.
+/// Answers one client of a socket: one line of JSON in each direction. The client's line may be an invalid request.
 ///
 /// # Errors
 /// If the client has gone or is too slow.

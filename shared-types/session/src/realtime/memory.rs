@@ -1,7 +1,7 @@
 //! Memory that is resident when the loop touches it.
 //!
-//! Locking is the one call that covers all of it: code, stacks, heap, and shared memory mapped now or later. Faulting
-//! in is therefore also done by locking, and both settings need the same privilege.
+//! Locking is the only call that covers all memory: code, stacks, heap, and shared memory mapped now or later. Faulting
+//! memory in therefore also uses locking, and both settings need the same privilege.
 
 use std::hint::black_box;
 
@@ -11,12 +11,12 @@ use rustix::thread::{CapabilitySet, capabilities};
 
 use crate::thread::look;
 
-/// Depth to which the stack of the loop's thread is touched, in bytes; a step needs far less.
+/// Depth in bytes to which the stack of the loop's thread is touched; a step needs far less.
 const STACK: usize = 256 << 10;
 /// Bytes of new memory with which residency is probed; more than the heap keeps in reserve.
 const PROBE: usize = 4 << 20;
 
-/// Locks present and future memory; with `fetch` it is also faulted in before use.
+/// Locks present and future memory; with `fetch`, also faults the memory in before use.
 pub(super) fn keep(lock: bool, fetch: bool) -> Result<(), String> {
     if !(lock || fetch) {
         return Ok(());
@@ -30,13 +30,13 @@ pub(super) fn keep(lock: bool, fetch: bool) -> Result<(), String> {
     mlockall(flags).map_err(|error| std::io::Error::from(error).to_string())
 }
 
-/// Checks the limit in advance, as otherwise a later mapping would fail.
+/// Checks the limit in advance, because otherwise a later mapping would fail.
 fn may_lock() -> Result<(), String> {
     let privileged =
         capabilities(None).is_ok_and(|sets| sets.effective.contains(CapabilitySet::IPC_LOCK));
     match getrlimit(Resource::Memlock).current {
         Some(bytes) if !privileged => Err(format!(
-            "only {bytes} bytes may be locked, not all memory of the process"
+            "the limit for locked memory is {bytes} bytes, but all memory of the process must be locked; raise the limit as shown"
         )),
         _ => Ok(()),
     }

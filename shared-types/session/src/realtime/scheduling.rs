@@ -24,7 +24,7 @@ pub fn pin(core: u32) -> io::Result<()> {
     Ok(sched_setaffinity(None, &only)?)
 }
 
-/// Returns the only core that the calling thread may run on; `None` if there are several.
+/// Returns the only core on which the calling thread may run; `None` if there are several.
 #[must_use]
 pub fn only_core() -> Option<u32> {
     let set = sched_getaffinity(None).ok()?;

@@ -9,15 +9,15 @@ fn aside<T: Send + 'static>(work: impl FnOnce() -> T + Send + 'static) -> T {
     std::thread::spawn(work).join().expect("no panic")
 }
 
-/// Returns the cores that tests may run on.
+/// Returns the cores on which tests may run.
 fn cores() -> Vec<u32> {
     let set = sched_getaffinity(None).expect("the cores of this thread");
     let all = 0..u32::try_from(CpuSet::MAX_CPU).expect("few cores");
     all.filter(|core| set.is_set(*core as usize)).collect()
 }
 
-/// Reads policy and priority of the calling thread by another route than the code under test: the 41st and 40th field
-/// of its `stat`.
+/// Reads policy and priority of the calling thread independently of the code under test: fields 41 and 40 of its
+/// `stat`.
 fn class() -> (u32, u32) {
     let stat = std::fs::read_to_string("/proc/thread-self/stat").expect("reads");
     let (_, after_name) = stat.rsplit_once(')').expect("a name");

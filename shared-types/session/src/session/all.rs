@@ -17,13 +17,13 @@ use super::{
 use crate::private_folder::{is_at, private_file};
 use crate::process::ProcessId;
 
-/// Time for which another `hil` may hold the lock over all sessions to create or sweep.
+/// Time for which another `hil` may hold the lock over all sessions, to create or sweep sessions.
 const LOCK_LIMIT: Duration = Duration::from_secs(10);
 /// Polling interval of that lock, which is held for about as long.
 const LOCK_LOOK: Duration = Duration::from_micros(200);
 
-/// Environment variable with the name of a session group. Sessions of different groups, or of a group and of none, do
-/// not see each other, as if they belonged to different users.
+/// Environment variable with the name of a session group. Sessions of different groups do not see each other, as if
+/// they belonged to different users; ungrouped sessions form another such group.
 pub const GROUP: &str = "HIL_SESSION_GROUP";
 
 /// Returns the folder of all sessions of this user in this process's group.
@@ -159,7 +159,7 @@ impl Drop for AllSessions {
     }
 }
 
-/// Children of a dead owner end by themselves when their input closes; a stopped one cannot.
+/// Ends the children of a dead owner. They end by themselves when their input closes, but a stopped child cannot.
 fn end_orphans(children: &[ProcessId]) {
     let since = Instant::now();
     let grace = Duration::from_millis(200);
@@ -175,7 +175,7 @@ fn end_orphans(children: &[ProcessId]) {
     }
 }
 
-/// Removes the sessions of this process and kills the processes that it started, without notice. Waits for no lock, as
+/// Removes the sessions of this process and immediately kills the processes that it started. Waits for no lock, because
 /// the thread that holds it may never continue.
 pub fn abandon() {
     let own = ProcessId::own();
@@ -188,7 +188,7 @@ pub fn abandon() {
 /// Lists the live sessions of this user.
 ///
 /// # Errors
-/// If their folder cannot be used.
+/// If the folder of sessions cannot be used.
 pub fn list() -> Result<Vec<SessionInfo>, SessionError> {
     let all = AllSessions::lock()?;
     let live = all.folders()?.into_iter().filter(|folder| is_live(folder));
@@ -197,7 +197,7 @@ pub fn list() -> Result<Vec<SessionInfo>, SessionError> {
         .collect())
 }
 
-/// Lists the live sessions of this user that are visible at once: neither waits nor creates anything.
+/// Lists the live sessions of this user that are visible now; neither waits nor creates anything.
 #[must_use]
 pub fn peek() -> Vec<SessionInfo> {
     let entries = all_sessions().ok().and_then(|all| fs::read_dir(all).ok());
@@ -217,7 +217,7 @@ pub fn peek() -> Vec<SessionInfo> {
 /// Lists the names of dead sessions with remaining files.
 ///
 /// # Errors
-/// If their folder cannot be used.
+/// If the folder of sessions cannot be used.
 pub fn dead() -> Result<Vec<String>, SessionError> {
     let all = AllSessions::lock()?;
     let folders = all.folders()?.into_iter();
@@ -227,7 +227,7 @@ pub fn dead() -> Result<Vec<String>, SessionError> {
         .collect())
 }
 
-/// Removes the remains of dead sessions and returns their names. Live sessions, also stopped ones, stay.
+/// Removes the remains of dead sessions and returns their names. Live sessions remain, even stopped ones.
 ///
 /// # Errors
 /// If a file of a dead session cannot be removed.
@@ -269,11 +269,7 @@ mod tests {
 
         let lock = private_file(&path).expect("made");
         flock(&lock, FlockOperation::NonBlockingLockExclusive).expect("free");
-        assert!(
-            message().ends_with("is a stopped `hil` holding it?"),
-            "{}",
-            message()
-        );
+        assert!(message().ends_with("resume or end it"), "{}", message());
         drop(lock);
         assert_eq!(message(), "locked");
     }

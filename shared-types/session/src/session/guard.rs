@@ -1,4 +1,4 @@
-//! Guard of a process that owns sessions: a parent whose death ends it.
+//! Guard of a process that owns sessions: the parent whose death ends the process.
 
 use std::path::Path;
 use std::sync::OnceLock;
@@ -14,7 +14,7 @@ const DEATH_LIMIT: Duration = Duration::from_secs(5);
 /// Polling interval for an owner that is about to end.
 const LOOK: Duration = Duration::from_millis(2);
 
-/// Sets the guard of this process; sessions that it creates from now on record it.
+/// Sets the guard of this process, which all sessions created from now on record.
 pub fn is(guard: ProcessId) {
     let _ = GUARD.set(guard); // the first one stands: a process has one parent
 }
@@ -25,9 +25,9 @@ pub fn own() -> Option<ProcessId> {
     GUARD.get().copied()
 }
 
-/// Waits for the end of an owner whose guard is dead, which the kernel ends at about the same time; returns `true` if
-/// the session is then dead. If the guard itself calls it, waits for the end of a process that the dead owner was just
-/// starting: until it has executed another program, that process holds the owner's lock.
+/// Waits for the end of an owner whose guard is dead and which the kernel ends at about the same time; returns `true`
+/// if the session is then dead. If the guard itself calls this function, it also waits for the end of a process that
+/// the dead owner was just starting: until that process executes another program, it holds the owner's lock.
 pub(super) fn dies(folder: &Path) -> bool {
     let Ok(info) = SessionInfo::read(folder) else {
         return false;

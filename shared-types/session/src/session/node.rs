@@ -9,7 +9,7 @@ impl SessionInfo {
     /// Creates the iceoryx2 node of one process in the session.
     ///
     /// # Errors
-    /// If the session's shared memory cannot be used, with the reason.
+    /// If the session's shared memory cannot be used; the error states the reason.
     pub fn node(&self, name: &str) -> Result<Node<ipc::Service>, String> {
         let config = self.iceoryx_config().map_err(refused)?;
         let node = NodeBuilder::new()

@@ -1,4 +1,4 @@
-//! The prefix of a session: where it is recorded, and which files carry it.
+//! The prefix of a session: its record, and the files that carry it.
 
 use std::fs::{self, File};
 use std::io;
@@ -20,7 +20,7 @@ pub(super) fn segments_of(prefix: &str) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Removes everything with a session's prefix: leftover processes, and segments, which those may still have mapped.
+/// Removes everything with a session's prefix: leftover processes, and segments that they may still have mapped.
 pub(super) fn remove_below(prefix: &str) -> Result<(), SessionError> {
     process::end_marked(prefix);
     for segment in segments_of(prefix) {
@@ -39,7 +39,7 @@ pub(super) fn is_prefix(text: &str) -> bool {
 }
 
 impl SessionInfo {
-    /// Writes the prefix into the session's lock, for a sweep that cannot read `session.json`; together with the file's
+    /// Writes the prefix into the session's lock, for a sweep that cannot read `session.json`, together with the file's
     /// inode number, so that a copy elsewhere is not trusted.
     pub(super) fn note_prefix(&self, mut lock: &File) -> io::Result<()> {
         let number = lock.metadata()?.ino();

@@ -1,4 +1,4 @@
-//! Properties specific to the stream over shared memory; `conformance` has those of every stream.
+//! Properties specific to the stream over shared memory; `conformance` covers those of every stream.
 
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
@@ -105,7 +105,7 @@ fn a_stream_that_is_not_there_cannot_be_opened() {
     assert!(matches!(opened, Err(LinkError::Absent { .. })));
 }
 
-/// Replaces each of these segments by a folder, so that nobody can map it; existing mappings remain.
+/// Replaces each of these segments by a folder, so that nobody can map them; existing mappings remain.
 fn made_unusable(segments: &[std::path::PathBuf]) {
     for segment in segments {
         std::fs::remove_file(segment).expect("removed");

@@ -7,11 +7,11 @@ use super::{EARLY_NS, LATE_NS, SPINS};
 pub(super) struct Polling {
     /// Polls in this wait.
     pub(super) polls: u32,
-    /// `true` if polling is disabled, as where both sides share one core.
+    /// `true` if polling is disabled, for example because both sides share one core.
     pub(super) never: bool,
     /// Consecutive waits that polls did not end.
     misses: u32,
-    /// Waits until the next one with polls.
+    /// Number of waits until the next one with polls.
     without: u32,
     /// Value of `without` after the next miss.
     backoff: u32,
@@ -60,10 +60,10 @@ impl Polling {
     }
 }
 
-/// Expected length of the next wait, from previous ones.
+/// Expected length of the next wait, estimated from previous waits.
 #[derive(Debug, Default)]
 pub(super) struct Length {
-    /// Lengths of the last waits, in no order.
+    /// Lengths of the last waits, unordered.
     last_ns: [u64; 4],
     next: usize,
 }
@@ -83,7 +83,7 @@ impl Length {
     }
 }
 
-/// Contention by other programs, detected from how long the core was away after a yield or a timed wait.
+/// Contention with other programs, detected from the absence of the core after a yield or a timed wait.
 #[derive(Debug)]
 pub(super) struct Company {
     /// `true` if both sides share one core.
@@ -92,7 +92,7 @@ pub(super) struct Company {
     quick: u32,
     /// Recent time without the core, less the tolerated share of the elapsed time.
     away_ns: u64,
-    /// Time of the last return of the core.
+    /// Time when the core last came back.
     back_ns: u64,
     /// Longest absence of the core in this wait, if a sleep would have cost little.
     longest_ns: u64,
@@ -105,22 +105,22 @@ pub(super) struct Company {
 }
 
 impl Company {
-    /// Absence below which nothing is concluded: most likely the other side took the core, or sides of other sessions.
+    /// Absence below which nothing is concluded: most likely the other side or another session took the core.
     const SHORT_NS: u64 = 100_000;
     /// Absence, beyond two fifths of the elapsed time, that proves contention. The recorder takes less, even when it
-    /// works for some milliseconds at a time; a loop of another session takes half.
+    /// works for several milliseconds at a time; a loop of another session takes half.
     const AWAY_NS: u64 = 6_000_000;
-    /// The same on one core: less than two consecutive slices of the scheduler.
+    /// The same limit on one core: less than two consecutive slices of the scheduler.
     const AWAY_ON_ONE_CORE_NS: u64 = 1_500_000;
-    /// Quick returns below which yields on one core lose a slice too often.
+    /// Number of quick returns below which yields on one core lose a slice too often.
     const FEW: u32 = 32;
-    /// Maximum count of quick returns: contention that begins then is detected at the fourth slice.
+    /// Maximum count of quick returns, chosen so that new contention is detected at the fourth slice.
     const MANY: u32 = 4 * Self::FEW;
-    /// Waits in the moving average. A single wait that ends a slice late brings it near the limit.
+    /// Number of waits in the moving average. A single wait that ends a slice late brings the average near the limit.
     const WAITS: u64 = 128;
     /// Average delay above which contention is assumed.
     const LATE_ON_AVERAGE_NS: u64 = 20_000;
-    /// Duration of another program's turn: a wait that is this late, or on one core a yield of this length, shows that
+    /// Duration of another program's turn: a wait that is this late, or a yield of this length on one core, shows that
     /// the contention persists.
     const TURN_NS: u64 = 1_000_000;
     const SHORTEST_NS: u64 = 10_000_000;
@@ -190,8 +190,8 @@ impl Company {
         }
     }
 
-    /// Records how late a wait ended. While contention is assumed only a late end counts: a punctual one does not prove
-    /// its end, as the side slept.
+    /// Records how late a wait ended. During assumed contention only a late end counts: a punctual end does not prove
+    /// that the contention is over, because the side slept.
     pub(super) fn woke(&mut self, now_ns: u64, late_ns: u64) {
         let late_ns = late_ns.saturating_sub(LATE_NS);
         if late_ns == 0 && self.is_there(now_ns) {
@@ -214,7 +214,7 @@ impl Company {
         self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
     }
 
-    /// Returns `true` if no contention was detected for as long as the next period would last.
+    /// Returns `true` if no contention was detected for the length of the next period.
     const fn are_gone(&self, now_ns: u64) -> bool {
         now_ns > self.until_ns.saturating_add(self.backoff_ns)
     }

@@ -4,7 +4,7 @@ use super::{Fixture, Pair, command, frame, message, open, sample, send, silence}
 use crate::frame::FrameKind;
 use crate::link::Link;
 
-/// Connects a second controller beside the first, up to the handover.
+/// Connects a second controller while the first one is active, up to the handover.
 fn second<F: Fixture>(plant: &mut F::Link, place: &mut F) -> F::Link {
     plant.expect(2).expect("another is expected");
     let mut second = place.controller(2);
@@ -48,7 +48,7 @@ pub fn another_controller_takes_over_from_the_active_one<F: Fixture>() {
     silence::<F>(&mut pair.plant, &mut values, "the first one is not active");
 }
 
-/// Until the handover only the active controller receives the plant's messages; afterwards only the next one does.
+/// Only the active controller receives the plant's messages before the handover, and only its successor afterwards.
 pub fn the_active_controller_is_told_while_another_is_expected<F: Fixture>() {
     let mut pair = Pair::<F>::open(1, 1);
     pair.plant.tell(b"alone").expect("tells");

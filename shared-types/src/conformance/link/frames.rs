@@ -9,7 +9,7 @@ use crate::frame::{FrameError, FrameIdentity, FrameKind, Header, MAX_SIGNALS};
 use crate::link::{FrameSpec, Link, LinkError, Peer};
 use crate::time::Step;
 
-/// Control messages of any length arrive in order, each once.
+/// Control messages of any length arrive in order and exactly once.
 pub fn control_messages_arrive_in_order_and_once<F: Fixture>() {
     let Pair {
         mut plant,
@@ -150,7 +150,7 @@ pub fn an_end_that_never_receives_holds_nobody_up<F: Fixture>() {
     assert_eq!(values, [4999.0; 512]);
 }
 
-/// A received frame is never a mix of two frames. Vacuous for a link within one thread.
+/// A received frame is never a mix of two frames. Trivially true for a link within one thread.
 pub fn frames_are_whole_while_both_ends_work<F: Fixture>() {
     const LAST: u64 = 5000;
     let mut place = F::new();

@@ -1,4 +1,4 @@
-//! Sleeping until the other side sends. Vacuous for a link whose sends wake nobody.
+//! Sleeping until the other side sends. Trivially true for a link whose sends wake nobody.
 
 use std::time::Instant;
 

@@ -58,7 +58,7 @@ pub(super) enum Move {
 }
 
 impl Move {
-    /// Returns `true` if the move is a fault or a request: such a move may never happen.
+    /// Returns `true` if the move is a fault or a request, which need not ever happen.
     pub(super) const fn only_breaks(self) -> bool {
         matches!(
             self,
@@ -73,7 +73,7 @@ impl Move {
 }
 
 impl World {
-    /// Lists all possible moves; those of the second list count only if the first makes no progress.
+    /// Lists all possible moves; the second list counts only if no move of the first makes progress.
     pub(super) fn moves(&self) -> (Vec<Move>, Vec<Move>) {
         let (mut moves, mut at_last) = (Vec::new(), Vec::new());
         let plant_works = !self.plant_is_over();

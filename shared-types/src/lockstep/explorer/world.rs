@@ -31,11 +31,11 @@ pub(super) enum Message {
 pub(super) struct Member {
     pub(super) side: ControllerSide,
     pub(super) lives: bool,
-    /// `true` if the controller is alive but does nothing any more.
+    /// `true` if the controller is alive but no longer acts.
     pub(super) stopped: bool,
     pub(super) told_gone: bool,
     pub(super) opened: bool,
-    /// First step that it has not answered.
+    /// First step that the controller has not answered.
     pub(super) answered: u64,
     pub(super) confirmed: Option<u64>,
     pub(super) to_plant: Vec<Message>,
@@ -58,7 +58,7 @@ pub(super) struct World {
     pub(super) used: u32,
     /// Next step to be executed.
     pub(super) next: u64,
-    /// First step whose command would be newer than all that the plant accepted.
+    /// First step whose command would be newer than every command accepted by the plant.
     pub(super) newer: u64,
     /// End of the run, as reported by the plant.
     pub(super) end: Option<Result<(), String>>,
@@ -223,7 +223,7 @@ impl World {
         !self.plant_lives || self.plant.is_over()
     }
 
-    /// Returns `true` if no process does anything any more.
+    /// Returns `true` if no process acts any more.
     pub(super) fn is_over(&self) -> bool {
         let works = |member: &Member| member.lives && !member.stopped;
         self.plant_is_over() && !self.crew.iter().any(works)

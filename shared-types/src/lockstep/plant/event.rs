@@ -55,13 +55,13 @@ pub enum PlantAction {
     SendSample(Step),
     /// Apply the command just received to this step, integrate, publish the record.
     Apply(Step),
-    /// Store the command just received, although it belongs to an earlier step: it is now the newest.
+    /// Store the command just received, although it belongs to an earlier step: it is now the latest.
     Keep,
     /// Apply the newest available command to this step, integrate, publish the record.
     Hold(Step),
     /// Send the end after N steps.
     SendEnd(Step),
-    /// Finish: every step was executed by both sides, or by the plant alone after losing its controller.
+    /// Finish: both sides executed every step, or the plant alone after losing its controller.
     Finish,
     /// Report the loss of the controller to observers; the run continues without it.
     Lose(Abort),

@@ -1,4 +1,4 @@
-//! Round trips: a payload there and one back, over whatever connects two processes.
+//! Round trips: a payload to another process and back, over any connection between the two.
 //!
 //! Benches [`measure`] one exchange at a time, for N trips at some [`Place`]. The plant's end is in this
 //! process, the controller's in this program started again, so that each bench first asks whether it was
@@ -23,11 +23,11 @@ pub(crate) use place::Place;
 
 /// Returns the number of signals in a sample.
 pub(crate) const SIGNALS: usize = 32;
-/// Values of a command.
+/// Returns the number of values in a command.
 pub(crate) const COMMANDS: usize = 16;
-/// Bytes of a sample.
+/// Returns the size of a sample in bytes.
 pub(crate) const SAMPLE_BYTES: usize = 8 * frame::words(SIGNALS);
-/// Bytes of a command.
+/// Returns the size of a command in bytes.
 pub(crate) const COMMAND_BYTES: usize = 8 * frame::words(COMMANDS);
 
 /// Exchange that connects the two sides.
@@ -64,7 +64,7 @@ impl Exchange {
     }
 }
 
-/// Describes how both sides wait at a place: as the project's processes do, who give away a core that they share.
+/// Describes how both sides wait at a place: like the project's processes, which yield a core that they share.
 pub(crate) const fn waits(place: Place<'_>) -> &'static str {
     match place.is_shared() {
         true => "yield after every poll",
@@ -72,7 +72,7 @@ pub(crate) const fn waits(place: Place<'_>) -> &'static str {
     }
 }
 
-/// Percentiles of one round in ns.
+/// Percentiles of one round, in ns.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Round {
     pub(crate) p50: f64,

@@ -1,4 +1,4 @@
-//! Two more patterns of iceoryx2 as they are: what the link could have been built on.
+//! Two more patterns of iceoryx2 without changes, on which the link could have been built.
 //!
 //! The plant creates every service, the controller opens them.
 
@@ -31,15 +31,15 @@ impl<const N: usize> Payload<N> {
         Self { words: [number; N] }
     }
 
-    /// The last word of a copy, so that all of it is copied.
+    /// Returns the last word of a copy, so that the compiler cannot skip any of it.
     fn number(&self) -> u64 {
         std::hint::black_box(*self).words[N - 1]
     }
 }
 
-/// Words of a sample.
+/// Words in a sample.
 const SAMPLE: usize = SAMPLE_BYTES / 8;
-/// Words of a command.
+/// Words in a command.
 const COMMAND: usize = COMMAND_BYTES / 8;
 
 type Sample = Payload<SAMPLE>;
@@ -115,7 +115,7 @@ fn topics<const OUT: usize, const IN: usize>(
     })
 }
 
-/// Exchanges over one topic each way.
+/// Exchanges over one topic in each direction.
 pub(super) fn publish_subscribe(session: &SessionInfo, side: Side) -> Box<dyn End> {
     match side {
         Side::Plant => topics::<SAMPLE, COMMAND>(session, side, (SAMPLES, COMMANDS)),
@@ -166,7 +166,7 @@ impl End for Answering {
     }
 }
 
-/// The sample is the request, the command its response.
+/// Exchanges with the sample as the request and the command as its response.
 pub(super) fn request_response(session: &SessionInfo, side: Side) -> Box<dyn End> {
     let node = node(session, side);
     let name = name("bare/steps");

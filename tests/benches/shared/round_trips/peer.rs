@@ -14,19 +14,19 @@ use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::{COMMAND_BYTES, Exchange, Place, Round, SAMPLE_BYTES, open};
 
-/// Trips before those that count.
+/// Round trips before the counted ones.
 const WARM_UP: u64 = 2000;
-/// Time that the other side may take, in s; only a failure takes so long.
+/// Time limit in s for the other side, reached only by a failure.
 const WAIT_LIMIT_S: f64 = 30.0;
 
-/// Variables by which the controller's process is told what to do.
+/// Variables that tell the controller's process its task.
 const EXCHANGE: &str = "HIL_BENCH_EXCHANGE";
 const SESSION: &str = "HIL_BENCH_SESSION";
 const TRIPS: &str = "HIL_BENCH_TRIPS";
 const CORE: &str = "HIL_BENCH_CORE";
 const SHARED_CORE: &str = "HIL_BENCH_SHARED_CORE";
 
-/// A waiter for the calling thread, which is kept on a core from now on.
+/// Returns a waiter for the calling thread, which stays on one core from now on.
 fn waiter(core: usize, shares_core: bool) -> Waiter {
     pin(core as u32).expect("a core that this process may run on");
     let limit = WaitLimit::from_seconds(WAIT_LIMIT_S);
@@ -86,7 +86,7 @@ fn between_processes(exchange: Exchange, place: Place<'_>, trips: Trips) -> Roun
     round
 }
 
-/// Sends and awaits the answer, again and again.
+/// Sends and awaits the answer, repeatedly.
 fn led(end: &mut impl End, trips: Trips, waiter: Waiter) -> Round {
     let trips_ns = lead(end, trips, waiter, || false).expect("the controller follows");
     let at = |share| trips_ns.at_quantile(share) as f64;
@@ -96,7 +96,7 @@ fn led(end: &mut impl End, trips: Trips, waiter: Waiter) -> Round {
     }
 }
 
-/// Runs as the controller of a measurement if this process was started as one; false if it was not.
+/// Runs as the controller of a measurement if this process was started as one; otherwise returns false.
 pub(crate) fn answered() -> bool {
     let told = |name: &str| std::env::var(name).ok();
     let Some(exchange) = told(EXCHANGE) else {

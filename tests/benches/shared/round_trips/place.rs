@@ -1,8 +1,8 @@
-//! On which cores the two sides of an exchange run.
+//! Cores on which the two sides of an exchange run.
 
 use rustix::thread::{CpuSet, sched_setaffinity};
 
-/// Two cores, or one for both.
+/// Two cores, or one for both sides.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place<'a> {
     all: &'a [usize],
@@ -11,7 +11,7 @@ pub(crate) struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    /// A core for each side, if there are two.
+    /// Returns one core for each side, if there are two.
     pub(crate) fn apart(all: &'a [usize]) -> Option<Self> {
         match *all {
             [plant, controller, ..] => Some(Self {
@@ -23,7 +23,7 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// Both sides on the first core.
+    /// Returns the first core for both sides.
     ///
     /// # Panics
     /// If there is none.
@@ -35,12 +35,12 @@ impl<'a> Place<'a> {
         }
     }
 
-    /// The core of the plant.
+    /// Returns the core of the plant.
     pub(super) const fn plant(self) -> usize {
         self.plant
     }
 
-    /// The core of the controller.
+    /// Returns the core of the controller.
     pub(super) const fn controller(self) -> usize {
         self.controller
     }
@@ -50,7 +50,7 @@ impl<'a> Place<'a> {
         self.plant == self.controller
     }
 
-    /// Lets the calling thread, which was kept on one core, run on all of them again.
+    /// Lets the calling thread, so far restricted to one core, run on all cores again.
     pub(crate) fn leave(self) {
         let mut all = CpuSet::new();
         self.all.iter().for_each(|&core| all.set(core));

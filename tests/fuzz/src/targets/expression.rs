@@ -1,6 +1,6 @@
 //! Expressions of signals and metrics, and formulas of requirements.
 //!
-//! What is read prints to a text that reads back the same, can be computed over any rows, and means
+//! An expression that is read prints to a text that reads back the same, can be computed over any rows, and means
 //! the same in parentheses. A formula and its opposite never both hold.
 
 use hil_config::expression::{Accumulator, Columns, Expression, ExpressionError, Group};
@@ -10,7 +10,7 @@ use shared_types::time::{Rate, Step};
 
 use super::numbers::OddNumbers;
 
-/// Steps of the run that formulas are judged over.
+/// Number of steps over which formulas are judged.
 const STEPS: u64 = 24;
 
 /// Runs the target.
@@ -29,7 +29,7 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-/// An error stands where it says.
+/// Checks that the place of an error lies inside the text.
 fn refused(text: &str, error: &ExpressionError) {
     assert!(!error.message.is_empty());
     assert!(text.get(error.span.clone()).is_some(), "{error:?}");
@@ -37,7 +37,7 @@ fn refused(text: &str, error: &ExpressionError) {
     assert_eq!(error.column, before + 1, "{error:?}");
 }
 
-/// Columns for these names.
+/// Returns columns with these names.
 fn columns<'a>(names: impl Iterator<Item = &'a str>) -> Columns {
     let mut columns = Columns::default();
     for name in names {

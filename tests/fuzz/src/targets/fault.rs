@@ -1,8 +1,8 @@
-//! Faults of a running plant: the words behind `hil inject`, and the `[[faults]]` of a request.
+//! Faults of a running plant: the words of `hil inject`, and the `[[faults]]` of a request.
 //!
-//! Text with a line break or `[[` is a request, all else a command line, with `'` around a word with
-//! spaces. What `hil` makes of a command line is always TOML. A fault that is taken survives the
-//! recording, can be shown, and can be prepared in bounded memory.
+//! Text with a line break or `[[` is a request, any other text a command line, with `'` around a word with spaces.
+//! `hil` always turns a command line into TOML. An accepted fault survives the recording, can be shown, and can be
+//! prepared in bounded memory.
 
 use std::ffi::OsString;
 
@@ -51,7 +51,7 @@ fn reference() -> Vec<Field> {
     stimuli.flat_map(|stimulus| stimulus.fields()).collect()
 }
 
-/// The request that a command line makes; none if it is refused or asks for something else.
+/// Returns the request that a command line produces; none if it is refused or asks for something else.
 fn typed(line: &str) -> Option<String> {
     let words = line.split('\'').enumerate().flat_map(|(index, part)| {
         if index % 2 == 1 {
@@ -135,7 +135,7 @@ fn requested(toml: &str) {
     }
 }
 
-/// Checks that what is shown of a fault that took hold is taken, and means the same.
+/// Checks that an effective fault, as shown, is accepted again with the same meaning.
 fn shown(event: FaultEvent) {
     let rate = small_plan().run.rate;
     if matches!(event.trigger, Trigger::After { .. }) {

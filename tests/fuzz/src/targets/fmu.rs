@@ -15,7 +15,7 @@ use shared_types::describe::{Description, Invalid, ModelSettings};
 
 use super::assert_told;
 
-/// Most bytes of an entry that is unpacked.
+/// Maximum size of an unpacked entry in bytes.
 const MOST: u64 = 1 << 20;
 
 /// Runs the target.
@@ -67,7 +67,7 @@ fn model(bytes: &[u8]) {
     }
 }
 
-/// Checks that `hil` reads what the program of the FMU says.
+/// Checks that `hil` reads the description printed by the program of the FMU.
 fn described(model: &Model, add: impl FnOnce(&mut Description)) {
     let mut all = Description::new("hil-fmu", "1");
     all.imported = Some(Box::new(model.tables.imported.clone()));

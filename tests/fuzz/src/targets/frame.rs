@@ -1,18 +1,18 @@
 //! Frames from memory that another process writes to, and items of the record stream.
 //!
-//! A frame that opens is the very one that was sealed: with any bit of it changed it is refused and
-//! nothing of it is taken. The stream's assembler counts what is lost and keeps no more than an event.
+//! A frame that opens is identical to the sealed one: if any bit of it changes, it is refused and none of it is used.
+//! The stream's assembler counts lost items and stores at most one event.
 
 use shared_types::frame::{Frame, FrameIdentity, FrameKind, Header, words};
 use shared_types::stream::{Assembler, Item};
 use shared_types::table::canonical;
 use shared_types::zerocopy::FromBytes;
 
-/// Values that a frame has room for.
+/// Number of values that fit into a frame.
 const ROOM: usize = 16;
-/// Words of a frame, of which the first is its check sum.
+/// Number of words in a frame, the first of which is its checksum.
 const WORDS: usize = words(ROOM);
-/// Bytes of a frame.
+/// Size of a frame in bytes.
 const BYTES: usize = 8 * WORDS;
 /// Words in front of an item: number, kind and length in bytes.
 const HEAD_WORDS: usize = 3;
@@ -42,7 +42,7 @@ pub fn run(bytes: &[u8]) {
     assembled(&items);
 }
 
-/// Checks that what lies in shared memory is taken only if every part of it fits.
+/// Checks that content of shared memory is accepted only if every part of it fits.
 fn foreign(frame: &Frame<WORDS>, header: &Header) {
     let identity = FrameIdentity {
         session: header.session,
@@ -66,7 +66,7 @@ fn foreign(frame: &Frame<WORDS>, header: &Header) {
     assert!(twice.bits() <= 8 * BYTES as u64);
 }
 
-/// Checks that what was sealed opens to the same, and not with another bit.
+/// Checks that a sealed frame opens unchanged, and not after a bit has changed.
 fn sealed(header: &Header, values: &[f64], salt: u64) {
     let identity = FrameIdentity {
         session: header.session,
@@ -102,7 +102,7 @@ fn sealed(header: &Header, values: &[f64], salt: u64) {
     assert!(frame.open(other, &mut out).is_err());
 }
 
-/// Items with any number, kind and length.
+/// Assembles items with any number, kind and length.
 fn assembled(words: &[u64]) {
     let mut assembler = Assembler::default();
     let mut rest = words;

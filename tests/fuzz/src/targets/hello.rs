@@ -1,7 +1,7 @@
-//! Control messages: what plant and controller say to each other before step 0.
+//! Control messages between plant and controller before step 0.
 //!
-//! What is read is written back the same. A hello is agreed to or refused by name, an agreement is
-//! one that the controller accepts, and both sides find in it every signal that they asked for.
+//! An accepted message is written back unchanged. A hello is agreed to, or refused by name; the controller accepts the
+//! agreement, in which both sides find every signal that they requested.
 
 use shared_types::describe::PROTOCOL;
 use shared_types::hello::{Control, Hello, Offer, Welcome, agree};
@@ -70,7 +70,7 @@ fn asked(hello: Hello) {
     }
 }
 
-/// A plant answers, whatever was asked.
+/// Answers as the plant, for any request.
 fn answered(welcome: &Welcome) {
     let hello = Hello {
         protocol: PROTOCOL,

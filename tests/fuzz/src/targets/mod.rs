@@ -1,4 +1,4 @@
-//! Properties that must hold for any bytes, a function for each way into the programs.
+//! Properties that must hold for any input, a function for each entry point of the programs.
 //!
 //! Called by libFuzzer with inputs that it makes up, and by the workspace's tests with the committed
 //! corpus and with changed pieces of it. A function panics if something does not hold and returns
@@ -17,15 +17,15 @@ pub mod rig;
 pub mod scenario;
 pub mod session;
 
-/// A way in.
+/// An entry point.
 pub struct Target {
-    /// Name, which is that of its corpus.
+    /// Name, which is also that of its corpus.
     pub name: &'static str,
-    /// Check of what must hold of any bytes.
+    /// Checks the properties for any bytes.
     pub run: fn(&[u8]),
 }
 
-/// Every way in.
+/// Every entry point.
 pub const ALL: [Target; 9] = [
     Target {
         name: "scenario",
@@ -65,7 +65,7 @@ pub const ALL: [Target; 9] = [
     },
 ];
 
-/// Checks that what is told of bad input names something, and holds nothing that steers a terminal.
+/// Checks that an error about bad input names something, and contains no control sequence of a terminal.
 fn assert_told(told: &str) {
     assert!(!told.trim().is_empty(), "nothing is told");
     let steers = |c: char| c.is_control() && !matches!(c, '\n' | '\t');

@@ -1,6 +1,6 @@
-//! Numbers that arithmetic trips over, in an order that the input decides.
+//! Numbers that often break arithmetic, in an order determined by the input.
 
-/// A stream of them.
+/// A stream of such numbers.
 pub(super) struct OddNumbers(u64);
 
 const ODD: [f64; 14] = [
@@ -21,13 +21,13 @@ const ODD: [f64; 14] = [
 ];
 
 impl OddNumbers {
-    /// The stream that belongs to an input (FNV-1a of its bytes).
+    /// Returns the stream that belongs to an input (FNV-1a of its bytes).
     pub(super) fn of(bytes: &[u8]) -> Self {
         let mix = |hash: u64, byte: &u8| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
         Self(bytes.iter().fold(0xcbf2_9ce4_8422_2325, mix))
     }
 
-    /// The next 64 bits (splitmix64).
+    /// Returns the next 64 bits (splitmix64).
     pub(super) const fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mixed = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -35,7 +35,7 @@ impl OddNumbers {
         mixed ^ (mixed >> 31)
     }
 
-    /// The next number: an odd one, any bits, or an ordinary one.
+    /// Returns the next number: an unusual one, any bits, or an ordinary one.
     pub(super) const fn next(&mut self) -> f64 {
         let bits = self.bits();
         match bits % 4 {
@@ -45,7 +45,7 @@ impl OddNumbers {
         }
     }
 
-    /// A row of them.
+    /// Returns a row of such numbers.
     pub(super) fn row(&mut self, length: usize) -> Vec<f64> {
         (0..length).map(|_| self.next()).collect()
     }

@@ -1,6 +1,6 @@
-//! A recording: any bytes as the `run.mcap` of a run, through every command that reads one.
+//! A recording: any bytes as the `run.mcap` of a run, passed to every command that reads recordings.
 //!
-//! What cannot be read is refused by the file's name. A run that can be read is the same as itself.
+//! An unreadable file is refused by name. A readable run equals itself.
 
 use std::cell::RefCell;
 use std::fs;
@@ -35,7 +35,7 @@ pub fn run(bytes: &[u8]) {
     });
 }
 
-/// Reads to the end; how many records there are, if it is a recording.
+/// Reads a recording to its end; returns the number of its records, if it is one.
 fn read(path: &Path) -> Option<u64> {
     let told = |error: &dyn std::fmt::Display| {
         let told = error.to_string();
@@ -59,7 +59,7 @@ fn read(path: &Path) -> Option<u64> {
     Some(reader.records())
 }
 
-/// Does what the commands do with a file that has the beginning of a recording.
+/// Executes the commands on a file that begins like a recording.
 fn commands(path: &Path, folder: &Path) {
     if let Ok(comparison) = compare(path, path, &[], &Tolerances::default()) {
         assert_eq!(

@@ -1,4 +1,4 @@
-//! The plants, laws and kinds of faults that the programs come with, as they describe themselves.
+//! The plants, laws and kinds of faults of the shipped programs, as they describe themselves.
 
 use std::sync::OnceLock;
 
@@ -8,7 +8,7 @@ use hil_config::scenario::Scenario;
 use plant_process::faults::kinds;
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription};
 
-/// All of them.
+/// All plants, laws and kinds of faults.
 pub struct Rig {
     /// The plants.
     pub plants: Vec<PlantDescription>,
@@ -18,7 +18,7 @@ pub struct Rig {
     pub kinds: Vec<FaultKindDescription>,
 }
 
-/// Returns the rig, which is described once and for all.
+/// Returns the rig, which is described only once.
 pub fn rig() -> &'static Rig {
     static RIG: OnceLock<Rig> = OnceLock::new();
     RIG.get_or_init(|| Rig {
@@ -35,7 +35,7 @@ pub fn rig() -> &'static Rig {
 }
 
 impl Rig {
-    /// The plan of a text with flags over it. No file lies beside it.
+    /// Plans the text of a scenario with flags. It cannot refer to files next to it.
     ///
     /// # Errors
     /// All problems found.
@@ -46,7 +46,7 @@ impl Rig {
     }
 }
 
-/// The plan of the small scenario of the corpus, with time for more.
+/// Returns the plan of the small scenario of the corpus, with a longer duration.
 ///
 /// # Panics
 /// If it is wrong.

@@ -1,7 +1,7 @@
-//! The text of a scenario with `--set` flags, which stand in lines that begin with `#--set `.
+//! The text of a scenario with `--set` flags, in lines that begin with `#--set `.
 //!
-//! Whatever is refused is refused by name and place. A scenario that is taken can be shown, what is
-//! shown is taken and means the same, and what it computes can be computed over any rows.
+//! Refused input is refused with its name and place. An accepted scenario can be shown; the shown text is accepted with
+//! the same meaning, and its expressions can be computed over any rows.
 
 use hil_config::evaluation::Evaluation;
 use hil_config::expression::Columns;
@@ -15,7 +15,7 @@ use super::rig::rig;
 
 /// Prefix of a line with a flag: a comment to TOML.
 const FLAG: &str = "#--set ";
-/// Rows that are computed over.
+/// Number of rows to compute over.
 const ROWS: u64 = 8;
 
 /// Runs the target.

@@ -1,8 +1,8 @@
 //! Files of a session and lines of its socket: `session.json`, both jobs, `layout.json`, requests and
 //! their answers, the states of a checkpoint.
 //!
-//! The first line of an input says which file the rest is. What is read is written back the same. A
-//! job that fits its plant or law starts it, any other is refused; so is a state.
+//! The first line of an input names the kind of file that follows. Accepted content is written back unchanged. A job
+//! that fits its plant or law starts it, any other job is refused; the same holds for a state.
 
 use std::cell::RefCell;
 use std::fs;
@@ -25,7 +25,7 @@ use tempfile::TempDir;
 use super::rig::small_plan;
 
 thread_local! {
-    /// Folder of the files that are read by their path.
+    /// Folder for files that are read by path.
     static FOLDER: RefCell<TempDir> = RefCell::new(tempfile::tempdir().expect("a temporary folder"));
 }
 
@@ -72,7 +72,7 @@ pub fn run(bytes: &[u8]) {
     }
 }
 
-/// Runs something with a file of these bytes.
+/// Calls a function with a file that contains these bytes.
 fn with_file(bytes: &[u8], work: impl FnOnce(&Path)) {
     FOLDER.with_borrow(|folder| {
         let path = folder.path().join("file");
@@ -81,7 +81,7 @@ fn with_file(bytes: &[u8], work: impl FnOnce(&Path)) {
     });
 }
 
-/// Checks that what is read is written back the same.
+/// Checks that accepted content is written back unchanged.
 fn same_again<T: Serialize + DeserializeOwned>(bytes: &[u8]) {
     let Ok(read) = serde_json::from_slice::<T>(bytes) else {
         return;
@@ -118,7 +118,7 @@ fn layout(bytes: &[u8]) {
     assert_eq!(view.hashed.len(), layout.hashed_words());
 }
 
-/// A run that goes on from the state in this file.
+/// Starts a run from the state in this file.
 fn resume(path: &Path) -> Checkpoints {
     Checkpoints {
         resume: Some(Resume {
@@ -129,7 +129,7 @@ fn resume(path: &Path) -> Checkpoints {
     }
 }
 
-/// The job of the plant of the small scenario.
+/// Returns the job of the plant of the small scenario.
 pub fn plant_job() -> plant_process::job::Job {
     plant_process::job::Job {
         observed: false,
@@ -137,7 +137,7 @@ pub fn plant_job() -> plant_process::job::Job {
     }
 }
 
-/// The job of its controller.
+/// Returns the job of its controller.
 pub fn controller_job() -> controller_process::job::Job {
     let (plant, rate) = (&small_plan().plant.model, small_plan().run.rate);
     let plan = small_plan().controller.clone();
@@ -150,14 +150,14 @@ pub fn controller_job() -> controller_process::job::Job {
     }
 }
 
-/// Finds a state that is not ours: a path in the input may be that of anything.
+/// Returns true for a state from outside the target: a path in the input may name any file.
 fn is_foreign(checkpoints: &Checkpoints) -> bool {
     let is_ours =
         |resume: &Resume| FOLDER.with_borrow(|ours| resume.state.starts_with(ours.path()));
     (checkpoints.resume.as_ref()).is_some_and(|resume| !is_ours(resume))
 }
 
-/// Starts the plant of a job, or is told why not.
+/// Starts the plant of a job, or returns the reason of the refusal.
 fn start_plant(job: plant_process::job::Job) {
     let plants = plant_process::models::all();
     let model = &job.plant.model;
@@ -174,7 +174,7 @@ fn start_plant(job: plant_process::job::Job) {
     }
 }
 
-/// Starts the law of a job, or is told why not.
+/// Starts the law of a job, or returns the reason of the refusal.
 fn start_controller(job: controller_process::job::Job) {
     let laws = controller_process::laws::all();
     let Some(kind) = laws.iter().find(|kind| kind.description.name == job.law) else {

@@ -1,4 +1,4 @@
-//! Exact coverage of the bounds: the chance that the bounds contain a given true probability.
+//! Exact coverage of the bounds: the probability that the bounds contain a given true probability.
 //!
 //! The computation is independent of the functions under test: logarithms of factorials by recurrence, and plain sums
 //! of probabilities.

@@ -1,9 +1,9 @@
 //! Answers of a complete campaign: classes, probabilities with bounds, margins with quantiles, worst cases, rank
 //! correlations and the study's goals.
 //!
-//! Bounds are given only for independent draws. A diverged case has not passed and ranks below any other; an
-//! undecided one has not passed either and has a class of its own. A case that was set aside could have any outcome,
-//! so no bounds are given then.
+//! Bounds are given only for independent draws. A diverged case has not passed and ranks below any other case; an
+//! undecided case has not passed either and has a class of its own. A case that was set aside could have any outcome,
+//! so no bounds are given in that case.
 
 mod gathered;
 
@@ -98,7 +98,7 @@ pub(super) struct RequirementAnswer {
     pub(super) worst: Vec<WorstAnswer>,
     /// Rank correlations of the margin with varied values, strongest first.
     pub(super) correlations: Vec<(String, f64)>,
-    /// Set if the margins differ by rounding only, which correlates with nothing.
+    /// Set if the margins differ only by rounding, so that they correlate with nothing.
     pub(super) is_rounding: bool,
 }
 
@@ -136,7 +136,7 @@ impl Serialize for Margin {
 #[derive(Debug, Serialize)]
 pub(super) struct GoalAnswer {
     pub(super) variant: String,
-    /// `None` for a goal about cases that pass.
+    /// Requirement; `None` for a goal about cases that pass.
     pub(super) requirement: Option<String>,
     pub(super) probability: f64,
     pub(super) confidence: f64,
@@ -196,7 +196,7 @@ pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
     }
 }
 
-/// Returns the margin that orders cases: a diverged case ranks below any other, and a verdict without a margin is
+/// Returns the margin that orders cases: a diverged case ranks below any other case, and a verdict without a margin is
 /// infinite.
 pub(super) fn margin(verdict: &str, class: &str, robustness: f64) -> f64 {
     match verdict {
@@ -279,7 +279,7 @@ fn answer(
     }
 }
 
-/// Replaces all finite margins by the same value, so that only infinite ones differ.
+/// Replaces all finite margins by the same value, so that only infinite margins differ.
 fn without_rounding(margins: &[f64]) -> Vec<f64> {
     let equal = |margin: &f64| if margin.is_finite() { 0.0 } else { *margin };
     margins.iter().map(equal).collect()
@@ -315,7 +315,7 @@ fn quantile(sorted: &[f64], p: f64, confidence: Option<f64>) -> QuantileAnswer {
     }
 }
 
-/// Evaluates a goal for a variant; it is met only with independent draws and a result for every case.
+/// Evaluates a goal for a variant; only independent draws and a result for every case can meet a goal.
 fn goal_answer(goal: &Goal, variant: &VariantAnswer, is_sure: bool) -> GoalAnswer {
     let none = Share {
         count: 0,

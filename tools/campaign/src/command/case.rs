@@ -94,7 +94,7 @@ pub(super) fn case(arguments: &CaseArguments) -> Result<Exit, Failure> {
     }
 }
 
-/// Chooses the programs of a case with built-in plant and law: the copies in the folder, not those beside the running
+/// Chooses the programs of a case with built-in plant and law: the copies in the folder, not those next to the running
 /// `hil`.
 fn built_in(folder: &Folder, link: LinkKind) -> Result<Choices, Failure> {
     let root = std::path::absolute(folder.path()).map_err(Failure::usage)?;

@@ -51,7 +51,7 @@ enum Rig {
     External(Box<ExternalPrograms>),
 }
 
-/// Descriptions that scenarios are checked against.
+/// Descriptions against which scenarios are checked.
 type Descriptions<'a> = (
     &'a [PlantDescription],
     &'a [LawDescription],
@@ -59,10 +59,10 @@ type Descriptions<'a> = (
 );
 
 impl Cases {
-    /// Combines a study with the scenario and the programs that it refers to.
+    /// Combines a study with the scenario and the programs to which it refers.
     ///
     /// # Errors
-    /// If one of them is invalid.
+    /// If the study, the scenario or a program is invalid.
     pub(super) fn of_study(
         study: Study,
         binaries: &BinaryArguments,
@@ -197,7 +197,7 @@ impl Cases {
         }
     }
 
-    /// Lists the point tables that the scenario and the study refer to.
+    /// Lists the point tables to which the scenario and the study refer.
     pub(super) fn named_tables(&self) -> Vec<String> {
         let study = self.study();
         let variants = study.variants.iter().flat_map(|variant| &variant.set);
@@ -289,7 +289,7 @@ impl Cases {
         })
     }
 
-    /// Builds the plan of a case and lets plant and law validate it, as far as that starts no process.
+    /// Builds the plan of a case and has plant and law validate it, as far as that starts no process.
     ///
     /// # Errors
     /// See [`plan`](Self::plan); also an objection of the plant or the law.
@@ -324,8 +324,8 @@ impl Cases {
         hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
     }
 
-    /// Runs a plan. External programs run in persistent processes, unless the study requests fresh ones, or the
-    /// scenario replaces a lost controller, which starts new processes anyway.
+    /// Runs a plan. External programs run in persistent processes, unless the study requests fresh ones or the scenario
+    /// replaces a lost controller, which starts new processes anyway.
     ///
     /// # Errors
     /// If the run did not end by itself, so that it has no result.
@@ -348,7 +348,7 @@ impl Cases {
         }
     }
 
-    /// Returns `true` if a case may run in persistent processes, which must not retain settings of its own.
+    /// Returns `true` if a case may run in persistent processes, which must not retain settings of the case.
     pub(super) fn keeps_processes(&self, plan: &Plan) -> bool {
         let is_first = match &self.rig {
             Rig::BuiltIn(_) => false,
@@ -436,7 +436,7 @@ impl Cases {
     }
 }
 
-/// Refuses studies that set programs, since all cases of a campaign share them.
+/// Refuses studies that set programs, because all cases of a campaign share them.
 fn refuse_programs(study: &Study) -> Result<(), Failure> {
     let variants = study.variants.iter().flat_map(|variant| &variant.set);
     let set = study.set.iter().chain(variants);
@@ -449,7 +449,7 @@ fn refuse_programs(study: &Study) -> Result<(), Failure> {
     match set.chain(varied).find(names) {
         None => Ok(()),
         Some(key) => Err(Failure::usage(format!(
-            "{key} in a study: all cases share the same programs; set them in the scenario, or with --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
+            "{key} cannot be set in a study, because all cases share the same programs; set it in the scenario, or with --plant-bin and --controller-bin, and compare two campaigns with hil campaign compare"
         ))),
     }
 }

@@ -82,10 +82,7 @@ pub(super) const fn exit(collected: &Collected, conflicts: bool) -> Exit {
 }
 
 /// Joins the results of a campaign, passes each part on, sets invalid parts aside, and removes the files of dead
-/// workers. Setting a part aside can leave the campaign incomplete; tables are then written only if `partial`.
-///
-/// # Errors
-/// If cases are missing at the start, or a table cannot be written.
+/// workers. Setting a part aside can leave the campaign incomplete; tables are then written only if `partial` is set.
 pub(super) fn join(
     folder: &Folder,
     study: &Study,
@@ -141,8 +138,8 @@ pub(super) fn join(
     Ok(collected)
 }
 
-/// Reads the results of a campaign and passes each part on; an incomplete campaign is accepted if `partial`. Writes
-/// nothing, since an archive may be read-only.
+/// Reads the results of a campaign and passes each part on; an incomplete campaign is accepted if `partial` is set.
+/// Writes nothing, because an archive may be read-only.
 ///
 /// # Errors
 /// If cases are missing, or a part cannot be read.
@@ -169,10 +166,10 @@ pub(super) fn read(
     Ok(collected)
 }
 
-/// Reports tables in the folder that do not match the results, with the command that rewrites them. The shards stay
+/// Reports tables in the folder that do not match the results, with the command that rewrites them. The shards remain
 /// authoritative in any case.
 ///
-/// Returns `true` unless a table is damaged; a table older than the last results is not.
+/// Returns `true` unless a table is damaged; a table older than the latest results is not damaged.
 pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Collected) -> bool {
     let mut are_whole = true;
     if let Err(why) = values::check(folder, study) {
@@ -196,7 +193,7 @@ pub(super) fn tell_damaged_tables(folder: &Folder, study: &Study, collected: &Co
         match sealed::checked_fact(&path, "digest") {
             Ok(digest) if digest == collected.digest => {}
             Ok(None) => tell!(
-                "note: {path_text} was written by an earlier version without a check sum, so it cannot be verified; {mend}"
+                "note: {path_text} was written by an earlier version without a checksum, so it cannot be verified; {mend}"
             ),
             Ok(Some(_)) => tell!("note: {path_text} is older than the latest results; {mend}"),
             Err(error) => {

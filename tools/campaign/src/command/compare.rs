@@ -33,7 +33,7 @@ struct Flips {
 /// Compares two campaigns.
 ///
 /// # Errors
-/// If they cannot be compared.
+/// If the campaigns cannot be compared.
 pub(super) fn compare(arguments: &CompareCampaignArguments) -> Result<Exit, Failure> {
     let (first, second) = (open(&arguments.first)?, open(&arguments.second)?);
     let flips = flips(&first, &second)?;
@@ -82,11 +82,11 @@ fn describe(flips: &[Flips]) -> String {
 
 /// Data of a case that is compared.
 struct Case {
-    /// Hash of its number, variant, seed and varied values.
+    /// Hash of the case's number, variant, seed and varied values.
     values: blake3::Hash,
-    /// Index of its variant.
+    /// Index of the case's variant.
     variant: usize,
-    /// `None` if the case was set aside.
+    /// Verdict; `None` if the case was set aside.
     passes: Option<bool>,
 }
 

@@ -1,4 +1,4 @@
-//! Signals and bins of a campaign's curves: those that the report of a run would plot first.
+//! Signals and bins of a campaign's curves: the signals that the report of a run would plot first.
 
 use hil_config::plan::{Derived, Plan};
 use hil_facts::results::curve::Grid;

@@ -1,7 +1,8 @@
 //! `hil campaign grow`: adds draws of the same study and keeps the existing results.
 //!
-//! The planned `hil` does the work, and every new case is checked before anything is written. Earlier shards stay as
-//! they are. The manifest is replaced last and atomically, so workers that use the folder meanwhile lose nothing.
+//! The `hil` with which the campaign was planned does the work, and every new case is checked before anything is
+//! written. Earlier shards remain unchanged. The manifest is replaced last and atomically, so that workers using the
+//! folder meanwhile lose nothing.
 
 use std::fs::{File, Permissions};
 use std::io::Write as _;

@@ -219,12 +219,12 @@ fn columns(
     Ok(columns)
 }
 
-/// Refuses a study in which nothing varies, and varied values that have no effect in any variant.
+/// Refuses a study in which nothing varies, and varied values without an effect in any variant.
 pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
     let study = cases.study();
     if study.varied.is_empty() && study.sets("run.seed") && study.draws > 1 {
         return Err(Failure::usage(
-            "nothing varies from draw to draw: the study has no [[vary]] and sets run.seed",
+            "nothing varies from draw to draw, because the study has no [[vary]] and sets run.seed",
         ));
     }
     let first = cases.draws.values(0);
@@ -238,7 +238,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
             let is_computed = matches!(one.spread, Spread::Expression(_));
             if !is_computed && !study.varied.iter().any(uses) {
                 return Err(Failure::usage(format!(
-                    "`{}` has no key, and no expression uses it: it changes nothing",
+                    "`{}` has no key, and no expression uses it, so it has no effect",
                     one.name
                 )));
             }
@@ -266,7 +266,7 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
         if !is_effective {
             return Err(Problems(vec![study.problem_of(
                 key,
-                &format!("`{key}` changes nothing in the scenario that runs"),
+                &format!("`{key}` has no effect in the scenario that runs"),
                 "the scenario may set the same value under another name, or use another law; `hil config show` prints what runs",
             )])
             .into());
@@ -302,7 +302,7 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
     Ok(())
 }
 
-/// Plans every case from `from` on once, on all cores, so that none is refused later; returns the longest simulated
+/// Plans every case from `from` on once, on all cores, so that no case is refused later; returns the longest simulated
 /// time, in s.
 pub(super) fn every_plan(
     cases: &Cases,

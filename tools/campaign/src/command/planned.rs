@@ -1,7 +1,6 @@
-//! Verification of the copies in a campaign folder before they are run or trusted: like a program that a scenario
+//! Verification of the copies in a campaign folder before they are run or trusted. Like a program that a scenario
 //! names, they must not be writable by users other than the owner and root, and each must have its planned hash.
-//!
-//! Results are exempt: a folder that is only read may belong to anybody.
+//! Results are exempt, because a folder that is only read may belong to anybody.
 
 use std::fs;
 use std::os::unix::process::CommandExt;
@@ -29,7 +28,7 @@ pub(super) fn check(folder: &Folder) -> Result<(), Failure> {
     folder.check().map_err(Failure::usage)
 }
 
-/// Re-executes the `hil` that the campaign was planned with, unless it is this one.
+/// Re-executes the `hil` with which the campaign was planned, unless it is this one.
 pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     let planned = &folder.manifest().hil;
@@ -56,13 +55,13 @@ pub(super) fn become_planned(folder: &Folder) -> Result<(), Failure> {
 /// Returns the path of the campaign's `hil`, with links resolved.
 ///
 /// # Errors
-/// If another user could have written it.
+/// If another user could have written the file.
 pub(super) fn program(folder: &Folder) -> Result<PathBuf, Failure> {
     let copy = folder.path().join(&folder.manifest().hil.path);
     trusted::program(&copy).map_err(|why| foreign(folder, &why))
 }
 
-/// Refuses a folder in which another user could have written a program, the manifest, or a copy that it refers to.
+/// Refuses a folder in which another user could have written a program, the manifest, or a copy to which it refers.
 fn refuse_foreign(folder: &Folder) -> Result<(), Failure> {
     let (path, manifest) = (folder.path(), folder.manifest());
     let refused = |why: String| foreign(folder, &why);
@@ -76,7 +75,7 @@ fn refuse_foreign(folder: &Folder) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Lists all programs: those of the manifest, and those that `hil` finds beside itself.
+/// Lists all programs: those of the manifest, and those that `hil` finds in its own folder.
 fn programs(path: &Path, manifest: &Manifest) -> Result<Vec<PathBuf>, Failure> {
     let own = [
         Some(&manifest.hil),
@@ -107,7 +106,7 @@ fn foreign(folder: &Folder, why: &str) -> Failure {
 /// Reads the study of a campaign.
 ///
 /// # Errors
-/// If the study cannot be read or is not the planned one, since its goals could differ.
+/// If the study cannot be read or is not the planned one, because its goals could differ.
 pub(super) fn study(folder: &Folder) -> Result<Study, Failure> {
     let copy = &folder.manifest().study;
     let path = folder.path().join(&copy.path);

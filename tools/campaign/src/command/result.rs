@@ -25,9 +25,9 @@ pub(super) struct CaseResult {
     reason: String,
     requirements: Vec<Requirement>,
     metrics: Vec<Metric>,
-    /// Set if the case ran in reused processes and is to be verified in new ones.
+    /// Set if the case ran in reused processes and should be verified in new ones.
     pub(super) is_to_check: bool,
-    /// Curves of its signals, if they are recorded.
+    /// Curves of the case's signals, if recorded.
     pub(super) curve: Option<Curve>,
     /// Duration of the case, in s.
     pub(super) wall_s: f64,

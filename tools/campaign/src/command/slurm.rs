@@ -1,6 +1,6 @@
 //! Workers on a Slurm cluster: submits a job array over the missing shards.
 //!
-//! Slurm starts tasks and may restart them, but its reports never determine a result. [`Tasks`] holds its reports.
+//! Slurm starts tasks and may restart them, but its reports never determine a result. [`Tasks`] holds these reports.
 
 mod tasks;
 

@@ -68,7 +68,7 @@ pub(super) fn status(arguments: &StatusArguments) -> Result<Exit, Failure> {
 }
 
 impl Status {
-    /// Determines the status of a folder; `sound` holds the shards that were verified before and need no second
+    /// Determines the status of a folder; `sound` holds the shards that were verified earlier and need no second
     /// reading.
     fn of(folder: &Folder, sound: &mut BTreeSet<u64>) -> Result<Self, Failure> {
         let manifest = folder.manifest();

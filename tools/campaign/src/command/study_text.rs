@@ -1,8 +1,8 @@
-//! The text of a study, changed where it stands: comments and order stay.
+//! Text of a study, edited in place: comments and order are preserved.
 
 use toml_edit::{DocumentMut, Value};
 
-/// Returns a study with another number of draws and otherwise the same text; `None` if it does not set `cases`.
+/// Returns a study with another number of draws and otherwise the same text; `None` if the study does not set `cases`.
 pub(super) fn with_cases(text: &str, draws: u64) -> Option<String> {
     let mut document: DocumentMut = text.parse().ok()?;
     let value = document.get_mut("cases")?.as_value_mut()?;

@@ -1,5 +1,5 @@
-//! The table of the values of every case, for Parquet readers. No run depends on it: it follows from the study, so a
-//! damaged table is rewritten.
+//! The table of the values of every case, for Parquet readers. No run depends on the table: it follows from the study,
+//! so a damaged table is rewritten.
 
 use std::fs;
 use std::io::BufWriter;
@@ -33,7 +33,7 @@ pub(super) fn head(draws: &Draws, case: u64) -> Row {
     row
 }
 
-/// Writes the table into the folder of a campaign, with a check sum and the campaign's identity.
+/// Writes the table into the folder of a campaign, with a checksum and the campaign's identity.
 ///
 /// # Errors
 /// If the file cannot be written.
@@ -71,11 +71,11 @@ pub(super) fn mend(folder: &Folder, study: &Study) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Verifies the table of a campaign by its check sum and the identity of the campaign; a table of an earlier version,
-/// which has neither, by its content.
+/// Verifies the table of a campaign by its checksum and the identity of the campaign. A table of an earlier version,
+/// which has neither, is verified by its content.
 ///
 /// # Errors
-/// If the table does not match; the message says why.
+/// If the table does not match; the message states why.
 pub(super) fn check(folder: &Folder, study: &Study) -> Result<(), String> {
     let path = folder.path().join(CASES);
     let path_text = path.display();

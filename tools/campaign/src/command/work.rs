@@ -1,7 +1,7 @@
-//! The worker: runs the cases of free shards, one after the other, until no shard is free.
+//! The worker: runs the cases of free shards, one after another, until no shard is free.
 //!
-//! Every engine starts this worker, and it depends on none of them. Whatever ends it, its finished cases are in the
-//! journal. A case that kills three workers, or that fails three times, is set aside and its shard continues. Where
+//! Every engine starts this worker, which depends on none of them. Whatever ends a worker, its finished cases are in
+//! the journal. A case that kills three workers, or that fails three times, is set aside and its shard continues. Where
 //! processes are reused, some cases are verified in new processes before they count, and a difference stops the
 //! worker.
 
@@ -209,7 +209,7 @@ impl Worker<'_> {
         }
     }
 
-    /// Runs a case until it has a row, with its curve if that is recorded.
+    /// Runs a case until it has a row, with its curve if one is recorded.
     fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<(Row, Option<Curve>), Failure> {
         let columns = &self.folder.manifest().columns;
         let mut tries = attempt.tries(case);

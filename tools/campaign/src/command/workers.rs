@@ -1,6 +1,6 @@
 //! Workers on the cores of this machine: starts them, watches them and restarts those that die.
 //!
-//! No result depends on it: the first worker to publish a shard wins, here or elsewhere.
+//! No result depends on the workers' order: the first worker to publish a shard wins, here or elsewhere.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};

@@ -94,7 +94,7 @@ impl<'a> Attempt<'a> {
         Ok(())
     }
 
-    /// Retains the first row of a case, and compares later ones with it.
+    /// Retains the first row of a case, and compares later rows with it.
     fn keep(&mut self, case: u64, row: Row, circumstances: Circumstances) {
         match self.rows.get(&case) {
             Some((first, _)) => {
@@ -238,7 +238,7 @@ pub fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Op
     })
 }
 
-/// Returns `true` if the row is of a case that was set aside.
+/// Returns `true` if the row belongs to a case that was set aside.
 fn is_lost(row: &Row, columns: &[Column]) -> bool {
     let class = columns.iter().position(|column| column.name == CLASS);
     class.is_some_and(|class| row[class].as_text() == LOST)

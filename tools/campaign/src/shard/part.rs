@@ -1,4 +1,4 @@
-//! The part of a shard: its published rows and their circumstances, as one table with a check sum.
+//! The part of a shard: its published rows and their circumstances, as one table with a checksum.
 
 use std::ops::Range;
 
@@ -11,7 +11,7 @@ use crate::table::{self, Cell, Column, ColumnKind, Row, TableError, Values, Writ
 /// Keys of the metadata of a part.
 const CAMPAIGN: &str = "campaign";
 const SUM: &str = "sum";
-/// Marker before the check sum, which has `DIGITS` digits that are zeros while it is computed.
+/// Marker before the checksum, whose `DIGITS` digits are zeros while it is computed.
 const SEAL: &str = "hil-part-sum:";
 const DIGITS: usize = 64;
 
@@ -69,21 +69,21 @@ impl Part {
         // Verified before parsing: the Parquet reader trusts its input.
         let sum = unsealed(&mut bytes);
         if sum.is_none_or(|sum| sum != seal(&bytes)) {
-            return Err(PartError::Broken("its check sum does not match".into()));
+            return Err(PartError::Broken("its checksum does not match".into()));
         }
         Self::fitting(bytes, folder, cases).map_err(|error| match error {
             // The part is intact, so a mismatch may be due to the manifest.
             PartError::Broken(what) if !folder.is_sealed() => {
                 let folder_text = folder.path().display();
                 PartError::Io(std::io::Error::other(format!(
-                    "{what}, or {folder_text}/{MANIFEST}, which has no check sum, is damaged; no result was changed"
+                    "{what}, or {folder_text}/{MANIFEST} is damaged, which has no checksum; no result was changed; restore the damaged file from a copy"
                 )))
             }
             error => error,
         })
     }
 
-    /// Parses a part whose check sum has been verified.
+    /// Parses a part whose checksum has been verified.
     fn fitting(bytes: Vec<u8>, folder: &Folder, cases: Range<u64>) -> Result<Self, PartError> {
         let table = table::read(bytes, &all_columns(folder))?;
         let of = table.fact(CAMPAIGN);
@@ -117,12 +117,12 @@ impl Part {
         let mut bytes = writer.finish(&facts)?;
         let sum = seal(&bytes);
         sealed(&mut bytes)
-            .ok_or_else(|| TableError::Other("it has no check sum".into()))?
+            .ok_or_else(|| TableError::Other("it has no checksum".into()))?
             .copy_from_slice(&sum);
         Ok(bytes)
     }
 
-    /// Returns the columns of results, each with a cell per case in their order.
+    /// Returns the columns of results, each with a cell for each case in the order of cases.
     #[must_use]
     pub fn results(&self) -> &[Values] {
         &self.columns[..self.results]
@@ -186,21 +186,21 @@ impl Part {
     }
 }
 
-/// Computes the check sum of a part whose check-sum digits are zeros.
+/// Computes the checksum of a part whose checksum digits are zeros.
 fn seal(bytes: &[u8]) -> [u8; DIGITS] {
     let mut digits = [b'0'; DIGITS];
     digits.copy_from_slice(blake3::hash(bytes).to_hex().as_bytes());
     digits
 }
 
-/// Finds the digits of the check sum: the last occurrence, since rows precede it.
+/// Finds the digits of the checksum: the last occurrence, because rows precede them.
 fn sealed(bytes: &mut [u8]) -> Option<&mut [u8]> {
     let seal = SEAL.as_bytes();
     let place = bytes.windows(seal.len()).rposition(|word| word == seal)? + seal.len();
     bytes.get_mut(place..place + DIGITS)
 }
 
-/// Extracts the check sum of a part and replaces it by zeros.
+/// Extracts the checksum of a part and replaces it by zeros.
 fn unsealed(bytes: &mut [u8]) -> Option<[u8; DIGITS]> {
     let place = sealed(bytes)?;
     let mut digits = [b'0'; DIGITS];

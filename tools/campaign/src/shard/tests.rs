@@ -444,7 +444,7 @@ fn no_damaged_byte_of_a_manifest_yields_another_campaign() {
                 refused += 1;
                 assert!(error.to_string().contains(MANIFEST), "{error}");
             }
-            // The name of the check sum's key.
+            // The name of the checksum's key.
             Ok(folder) => assert_eq!(
                 (folder.is_sealed(), folder.id()),
                 (false, campaign.folder.id())
@@ -470,7 +470,7 @@ fn an_intact_result_beside_a_manifest_without_a_check_sum_is_not_blamed() {
         let error = Shard::of(&folder, 0).part().map(|_| ()).expect_err(damaged);
         assert!(matches!(error, PartError::Io(_)), "{error}");
         assert!(
-            error.to_string().contains("which has no check sum"),
+            error.to_string().contains("which has no checksum"),
             "{error}"
         );
     }

@@ -65,7 +65,7 @@ pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
                     } => values.decode(buf, usize::try_from(*num_values).unwrap_or(usize::MAX)),
                     _ => None,
                 };
-                decoded.ok_or_else(|| other("a column is encoded differently"))?;
+                decoded.ok_or_else(|| other("a column has another encoding"))?;
             }
         }
     }

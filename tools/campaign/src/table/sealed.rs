@@ -1,6 +1,6 @@
-//! Check sum of a table file, stored in its metadata: BLAKE3 over all bytes, with zeros in place of its own digits.
+//! Checksum of a table file, stored in its metadata: BLAKE3 over all bytes, with zeros in place of its own digits.
 //!
-//! Parquet has no check sum of the whole file, and its reader trusts its input: a file is verified before it is
+//! Parquet has no checksum of the whole file, and its reader trusts its input, so a file is verified before it is
 //! parsed.
 
 use std::fs::File;
@@ -12,34 +12,34 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 
 use super::TableError;
 
-/// Marker before the digits of the sum.
+/// Marker before the digits of the checksum.
 const WORD: &str = "hil-table-sum:";
 const DIGITS: usize = 64;
 /// Last bytes of a table: the length of the metadata, and this word.
 const END: [u8; 4] = *b"PAR1";
 const END_BYTES: u64 = 8;
 
-/// Returns the metadata entry, as key and value, that reserves space for the check sum.
+/// Returns the metadata entry, as key and value, that reserves space for the checksum.
 #[must_use]
 pub fn unsealed() -> (&'static str, String) {
     ("sum", format!("{WORD}{}", "0".repeat(DIGITS)))
 }
 
-/// Writes the check sum into a table that has the entry of [`unsealed`].
+/// Writes the checksum into a table that has the entry of [`unsealed`].
 ///
 /// # Errors
-/// If the file cannot be read or written, or has no space for the check sum.
+/// If the file cannot be read or written, or has no space for the checksum.
 pub fn seal(file: &File) -> Result<(), TableError> {
-    let place = place(file)?.ok_or_else(|| other("it has no space for a check sum"))?;
+    let place = place(file)?.ok_or_else(|| other("it has no space for a checksum"))?;
     file.write_all_at(&sum(file, place)?, place)?;
     Ok(())
 }
 
-/// Verifies the check sum of a table and returns the metadata entry with this key, if present; `None` for a table
-/// without a check sum, as earlier versions wrote it.
+/// Verifies the checksum of a table and returns the metadata entry with this key, if present; `None` for a table
+/// without a checksum, as written by earlier versions.
 ///
 /// # Errors
-/// If the file cannot be read, its end is missing, or its check sum does not match.
+/// If the file cannot be read, its end is missing, or its checksum does not match.
 pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableError> {
     let file = File::open(path)?;
     let Some(place) = place(&file)? else {
@@ -48,7 +48,7 @@ pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableErro
     let mut digits = [0; DIGITS];
     file.read_exact_at(&mut digits, place)?;
     if digits != sum(&file, place)? {
-        return Err(other("its check sum does not match"));
+        return Err(other("its checksum does not match"));
     }
     let file = SerializedFileReader::new(file)?;
     let facts = file.metadata().file_metadata().key_value_metadata();
@@ -56,7 +56,7 @@ pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableErro
     Ok(fact.and_then(|fact| fact.value.clone()))
 }
 
-/// Finds the digits of the sum in the metadata at the end of the file.
+/// Finds the digits of the checksum in the metadata at the end of the file.
 fn place(file: &File) -> Result<Option<u64>, TableError> {
     let bytes = file.metadata()?.len();
     let missing = || other("its end is missing");
@@ -78,7 +78,7 @@ fn place(file: &File) -> Result<Option<u64>, TableError> {
     Ok(place.filter(|place| place + DIGITS as u64 <= last))
 }
 
-/// Computes the sum of a file whose digits begin at `place`.
+/// Computes the checksum of a file whose digits begin at `place`.
 fn sum(file: &File, place: u64) -> io::Result<[u8; DIGITS]> {
     let mut hasher = blake3::Hasher::new();
     let mut bytes = BufReader::new(ReadAt { file, at: 0 });

@@ -120,7 +120,7 @@ impl Values {
         }
     }
 
-    /// Appends a cell; returns `false` if it is of another kind.
+    /// Appends a cell; returns `false` if the cell is of another kind.
     pub(super) fn push(&mut self, cell: &Cell) -> bool {
         match (self, cell) {
             (Self::Counts(to), Cell::Count(count)) => to.push(*count),

@@ -7,10 +7,10 @@ use hil_views::table_file::{Cells, FieldKind, TableFile};
 
 use super::{Cell, Column, ColumnKind, TableError, Values};
 
-/// Number of rows of a row group, which are in memory at once.
+/// Number of rows of a row group, all of which are in memory at once.
 const GROUP: usize = 1 << 16;
 
-/// Table open for writing; its bytes depend on the rows only.
+/// Table open for writing, whose bytes depend only on its rows.
 pub struct Writer<W: Write + Send> {
     file: TableFile<W>,
     /// Rows of the next row group.
@@ -58,7 +58,7 @@ impl<W: Write + Send> Writer<W> {
     /// Appends rows given as whole columns.
     ///
     /// # Errors
-    /// If they do not match the columns of the table, or the output cannot be written.
+    /// If the columns do not match those of the table, or the output cannot be written.
     pub fn extend(&mut self, columns: &[&Values]) -> Result<(), TableError> {
         let rows = columns.first().map_or(0, |column| column.rows());
         let actual = columns.iter().map(|column| (column.kind(), column.rows()));

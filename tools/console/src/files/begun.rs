@@ -1,5 +1,5 @@
-//! List of the runs that this process has started, which its guard reads after its death. It is an anonymous file in
-//! memory that both hold open, so it needs no name and leaves nothing behind.
+//! List of the runs that this process has started, which its guard reads after the process's death. The list is an
+//! anonymous file in memory that both hold open, so it needs no name and leaves nothing behind.
 
 use std::fs::File;
 use std::io::{Read, Seek, Write};

@@ -16,13 +16,15 @@ pub fn of_run(out: Option<&Path>, scenario: &str, session: &str) -> PathBuf {
 /// Creates the folder of a run.
 ///
 /// # Errors
-/// If it exists with something in it, or cannot be written.
+/// If the folder exists and is not empty, or cannot be written.
 pub fn create(folder: &Path) -> Result<(), Failure> {
     // The absolute path is passed on to other processes as text.
     refuse_odd(&std::path::absolute(folder).map_err(Failure::usage)?)?;
     let cannot = |error: std::io::Error| {
         let hint = match error.kind() {
-            ErrorKind::NotADirectory | ErrorKind::AlreadyExists => "; a file is in the way",
+            ErrorKind::NotADirectory | ErrorKind::AlreadyExists => {
+                "; a file of that name is in the way"
+            }
             _ => "",
         };
         Failure::usage(format!(

@@ -86,7 +86,7 @@ fn search(folder: &Path, depth: usize, runs: &mut Vec<RunFolder>) -> io::Result<
 }
 
 impl RunFolder {
-    /// Reads a folder, if it is that of a run.
+    /// Reads a folder, if it is the folder of a run.
     fn read(path: &Path) -> Option<Self> {
         let scenario = fs::metadata(path.join(SCENARIO)).ok()?;
         (FILES[1..].iter().any(|name| path.join(name).is_file())).then_some(())?;

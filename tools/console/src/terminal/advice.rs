@@ -1,8 +1,8 @@
 //! Advice on errors of the operating system.
 //!
 //! These errors arrive from many sources, also as text: from logs of both sides, recordings and replies of sessions.
-//! All of them contain the error number as formatted by Rust, by which they are recognised here, in the one place
-//! where `hil` explains a failure.
+//! All of them contain the error number as formatted by Rust, which identifies them here, in the only place where `hil`
+//! explains a failure.
 
 use hil_session::shared_memory::{self, FOLDER};
 use rustix::io::Errno;
@@ -25,12 +25,12 @@ pub fn on(text: &str) -> Option<String> {
             "this user lacks permission: `ls -ld` shows the owner and mode; choose another place, or have the permissions changed"
         }
         Errno::NOENT if std::env::current_dir().is_err() => {
-            "the current folder was deleted: `cd` to another one"
+            "the current folder was deleted; `cd` to another one"
         }
         Errno::NOENT => {
             "check the spelling; a path without a leading / is relative to the current folder"
         }
-        Errno::IO => "the disk reports an error: see `sudo dmesg`, and back up its data",
+        Errno::IO => "the disk reports an error; see `sudo dmesg`, and back up the data",
         Errno::NOEXEC => {
             "it is not a program for this machine: build it here, or begin a script with `#!/..`"
         }
@@ -38,10 +38,10 @@ pub fn on(text: &str) -> Option<String> {
         Errno::NOMEM => "the system is out of memory: `free -m`, `ulimit -v`",
         Errno::NODEV | Errno::NXIO => "there is no such device on this machine",
         Errno::NOTDIR => "a part of the path is a file where a folder should be",
-        Errno::ISDIR => "it is a folder; name a file",
+        Errno::ISDIR => "the path is a folder; name a file",
         Errno::MFILE => "this process has too many files open: `ulimit -n 4096`",
         Errno::NFILE => "all processes together have too many files open: `sysctl fs.file-max`",
-        Errno::TXTBSY => "the program is being written or run: wait until that has ended",
+        Errno::TXTBSY => "the program is being written or run; wait until that has ended",
         Errno::FBIG => "the file would exceed the size limit: `ulimit -f unlimited`",
         Errno::NOSPC => {
             "no space is left there: `df -h` and `df -i` show free space and inodes; free some or choose another place"
@@ -60,7 +60,7 @@ pub fn on(text: &str) -> Option<String> {
     Some(advice.into())
 }
 
-/// Appends advice to a reason: on the error that it contains, or on a problem that may have caused it.
+/// Appends advice to a reason: on the error in the reason, or on a problem that may have caused it.
 #[must_use]
 pub fn behind(reason: &str) -> String {
     // Numbers in the text may have changed since.
@@ -86,7 +86,7 @@ mod tests {
     #[test]
     fn system_errors_come_with_advice() {
         for (number, expected) in [
-            (Errno::ISDIR.raw_os_error(), "it is a folder"),
+            (Errno::ISDIR.raw_os_error(), "the path is a folder"),
             (Errno::ACCESS.raw_os_error(), "lacks permission"),
             (Errno::NOSPC.raw_os_error(), "df -i"),
             (Errno::ROFS.raw_os_error(), "remount,rw"),

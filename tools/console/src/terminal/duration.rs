@@ -1,7 +1,7 @@
 //! Durations as typed by users: `2s`, `500ms`, `100us`, or a plain number.
 //!
-//! Used by the command line and for the parameters of faults. The result is the double nearest to the typed value:
-//! the unit shifts the decimal exponent, without a multiplication.
+//! Used by the command line and for the parameters of faults. The result is the double nearest to the given value: the
+//! unit shifts the decimal exponent, without a multiplication.
 
 /// Units of time with their decimal exponents; units that end like another come first.
 const UNITS: [(&str, i32); 4] = [("ms", -3), ("us", -6), ("ns", -9), ("s", 0)];
@@ -17,7 +17,7 @@ pub fn seconds(text: &str) -> Result<f64, String> {
         .ok_or_else(expected)
 }
 
-/// Parses a number and converts it to `unit`; the text may contain a unit of time only if `unit` is one.
+/// Parses a number and converts it to `unit`; the text may contain a unit of time only if `unit` is a unit of time.
 #[must_use]
 pub fn in_unit(text: &str, unit: &str) -> Option<f64> {
     let text = text.trim();

@@ -1,9 +1,9 @@
 //! Handling of Ctrl-C and similar signals: a command without side effects ends immediately, others check a flag. Also
 //! handles SIGBUS, after which nothing can continue.
 //!
-//! A command that starts processes or writes files calls [`Interruption::listen`] first and checks the flag where it
-//! waits; parts that only compute, possibly for long, run inside [`Interruption::at_once`]. SIGHUP stays ignored if
-//! the process was started with it ignored, as by `nohup`; SIGINT does not, because scripts use it to end their
+//! A command that starts processes or writes files first calls [`Interruption::listen`] and checks the flag where it
+//! waits; parts that only compute, possibly for long, run inside [`Interruption::at_once`]. SIGHUP stays ignored if the
+//! process was started with SIGHUP ignored, as by `nohup`; SIGINT does not, because scripts use it to end their
 //! background jobs.
 
 use std::io::{self, ErrorKind, PipeWriter, Read, Write};
@@ -34,8 +34,8 @@ pub fn end_at_once() -> Result<(), Failure> {
     end_on(SIGINT)
 }
 
-/// Passes over the signals that would end this process before it could give its result, which is being written: a
-/// summary and the exit code are to say the same.
+/// Ignores the signals that would end this process while it writes its result, because the summary and the exit code
+/// must agree.
 pub fn pass_over_ends() {
     const ENDS: [Signal; 9] = [
         Signal::QUIT,
@@ -61,7 +61,7 @@ fn end_on(signal: i32) -> Result<(), Failure> {
     Ok(())
 }
 
-/// Flag that the user wants the command to end.
+/// Flag that is set when the user wants the command to end.
 #[derive(Clone, Debug, Default)]
 pub struct Interruption(Arc<AtomicBool>);
 
@@ -118,7 +118,7 @@ impl Interruption {
     /// immediately.
     ///
     /// # Errors
-    /// If a signal arrived before.
+    /// If a signal arrived earlier.
     pub fn at_once<T>(&self, work: impl FnOnce() -> T) -> Result<T, Failure> {
         AT_ONCE.store(true, Ordering::SeqCst);
         // An earlier signal has set the flag; a later one ends the process.
@@ -129,8 +129,8 @@ impl Interruption {
 }
 
 /// Ends the process in an orderly way when shared memory disappears (SIGBUS): prints a message, ends the child
-/// processes and removes the sessions. A process with a guard leaves that to the guard, which holds none of its
-/// locks, and dies of the signal, by which the guard recognises the cause.
+/// processes and removes the sessions. A process with a guard leaves that to the guard, which holds none of its locks,
+/// and dies of the signal, by which the guard recognises the cause.
 fn end_without_shared_memory() -> io::Result<()> {
     let (mut receiver, sender) = UnixStream::pair()?;
     pipe::register(SIGBUS, sender)?;

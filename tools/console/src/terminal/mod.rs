@@ -1,6 +1,6 @@
-//! Terminal input and output: exit codes and failures, advice on them, standard output, tables, progress,
-//! interruption, and parsing of durations. It knows only the steps and time of a run, for the progress bar, and never
-//! opens files of a run.
+//! Terminal input and output: exit codes and failures, advice on them, standard output, tables, progress, interruption,
+//! and parsing of durations. The only facts about a run used here are its steps and time, for the progress bar; files
+//! of a run are never opened.
 
 // Declared first because its macro `tell!` is used everywhere.
 #[macro_use]

@@ -1,4 +1,4 @@
-//! Standard output and standard error, including readers that have gone away.
+//! Standard output and standard error, including readers that no longer exist.
 
 use std::fmt;
 use std::io::{ErrorKind, IsTerminal, Write};
@@ -8,8 +8,8 @@ use shared_types::text::printable;
 
 use crate::terminal::exit::Failure;
 
-/// Writes a formatted line to standard error. Unlike the standard library's macro it does not panic if nobody reads
-/// it: an unread note must not affect the command.
+/// Writes a formatted line to standard error. Unlike the standard library's macro it does not panic if nobody reads the
+/// line: an unread note must not affect the command.
 #[macro_export]
 macro_rules! tell {
     ($($text:tt)*) => { $crate::terminal::output::tell(&::std::format!($($text)*)) };
@@ -29,7 +29,7 @@ pub fn write(text: &str) -> Result<(), Failure> {
     write_coloured(&printable(text))
 }
 
-/// Like [`write()`], but permits colours; the text must not contain foreign content.
+/// Does the same as [`write()`], but permits colours; the text must not contain foreign content.
 ///
 /// # Errors
 /// See [`write()`].
@@ -58,7 +58,7 @@ pub fn result(
 /// Formats a result as indented JSON.
 ///
 /// # Errors
-/// If it cannot be serialised.
+/// If the result cannot be serialised.
 pub fn pretty(result: &impl Serialize) -> Result<String, Failure> {
     let json = serde_json::to_string_pretty(result).map_err(Failure::infrastructure)?;
     Ok(json + "\n")

@@ -76,7 +76,7 @@ impl Progress {
         });
     }
 
-    /// Reports that the run is paused before a step, unless that was announced.
+    /// Reports that the run is paused before a step, unless this pause was announced.
     pub fn tell_pause(&mut self, step: u64, since: SystemTime, session: &str) {
         let step = Step(step);
         self.bar.set_message("paused");

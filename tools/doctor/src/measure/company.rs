@@ -1,4 +1,4 @@
-//! Measurement of company: the time of the cores that other programs take while `hil` sleeps.
+//! Measurement of contention: the time that other programs take of the cores while `hil` sleeps.
 
 use std::time::Duration;
 
@@ -30,12 +30,12 @@ struct Times {
 struct Program {
     process: u32,
     name: String,
-    /// Core that it ran on last.
+    /// Core on which the process last ran.
     core: u32,
     ticks: u64,
 }
 
-/// Sleeps for the given time and grades the time that other programs took of these cores meanwhile.
+/// Sleeps for the given time and grades the time that other programs meanwhile took of these cores.
 pub(crate) fn measure(tree: &dyn Tree, cores: &CoreList, seconds: f64) -> Finding {
     let judge = || {
         // The cores are read right next to the sleep, because reading the programs is work of this process.

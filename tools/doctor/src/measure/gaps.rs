@@ -1,7 +1,7 @@
-//! Measurement of holes in the time of a thread that never sleeps; any of them could have delayed a step.
+//! Measurement of gaps in the time of a thread that never sleeps; any of them could have delayed a step.
 //!
-//! The thread reads the clock continuously. If two readings are far apart, something else used the core in between:
-//! an interrupt, another thread, firmware, a hypervisor.
+//! The thread reads the clock continuously. If two readings are far apart, something else used the core in between: an
+//! interrupt, another thread, firmware or a hypervisor.
 
 use std::io;
 
@@ -20,7 +20,7 @@ const CHECK: Check = Check::new(
     "time taken from a spinning thread is missing in some step",
 );
 
-/// Lower limits of the classes of holes; shorter gaps do not count. The three in the middle are the limits of the
+/// Lower limits of the classes of gaps; shorter gaps do not count. The three in the middle are the limits of the
 /// grades.
 pub const CLASSES_NS: [u64; 5] = [
     5_000,
@@ -30,26 +30,26 @@ pub const CLASSES_NS: [u64; 5] = [
     5_000_000,
 ];
 
-/// Holes on one core.
+/// Gaps on one core.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gaps {
     /// Number of the core.
     pub core: u32,
     /// Observed time, in ns.
     pub watched_ns: u64,
-    /// Mean duration of a clock reading without a hole, in ns.
+    /// Mean duration of a clock reading without a gap, in ns.
     pub reading_ns: f64,
     /// Total length of the gaps, in ns.
     pub lost_ns: u64,
     /// Longest gap, in ns.
     pub longest_ns: u64,
-    /// Number of holes in each class of [`CLASSES_NS`].
+    /// Number of gaps in each class of [`CLASSES_NS`].
     pub holes: [u64; CLASSES_NS.len()],
-    /// Number of switches to other threads meanwhile, if the kernel reports it.
+    /// Number of switches to other threads during the measurement, if the kernel reports it.
     pub switches: Option<u64>,
 }
 
-/// Measures the holes on a core.
+/// Measures the gaps on a core.
 ///
 /// # Errors
 /// If the thread may not run on that core.
@@ -65,7 +65,7 @@ pub fn measure(core: u32, seconds: f64) -> io::Result<Gaps> {
     })
 }
 
-/// Collects the holes between the readings of a clock.
+/// Collects the gaps between the readings of a clock.
 fn watch(core: u32, watch_ns: u64, mut clock_ns: impl FnMut() -> u64) -> Gaps {
     let mut holes = [0; CLASSES_NS.len()];
     let (mut lost_ns, mut longest_ns, mut readings) = (0, 0, 0_u64);
@@ -102,7 +102,7 @@ fn involuntary_switches() -> Option<u64> {
     count.trim().parse().ok()
 }
 
-/// Grades the holes by the longest one.
+/// Grades the gaps by the longest one.
 #[must_use]
 pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
     let Some(longest_ns) = gaps.iter().map(|gaps| gaps.longest_ns).max() else {

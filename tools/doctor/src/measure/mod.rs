@@ -1,8 +1,8 @@
 //! Measurements of properties that no kernel file shows.
 //!
-//! Each runs on the calling thread, pinned to the core under test, in the scheduling class that `hil` was started
-//! with; a [partner](ping_pong) and a [load](wake_up) run on other threads. The measurements never use the project's
-//! link or loop: they measure the machine.
+//! Each runs on the calling thread, pinned to the core under test, in the scheduling class with which `hil` was
+//! started; a [partner](ping_pong) and a [load](wake_up) run on other threads. The measurements never use the project's
+//! link or loop, because they measure the machine.
 
 pub(crate) mod company;
 pub mod gaps;
@@ -47,7 +47,7 @@ fn shown(figures: &Percentiles) -> String {
     format!("p50 {p50}, p99 {p99}, max {max}")
 }
 
-/// Guard that pins the calling thread to a core while it lives.
+/// Guard that pins the calling thread to a core while the value exists.
 #[derive(Debug)]
 pub(crate) struct Pinned {
     before: CpuSet,
@@ -76,8 +76,8 @@ impl Drop for Pinned {
     }
 }
 
-/// Guard that makes timers of the calling thread exact while it lives: by default the kernel may delay wake-ups of
-/// ordinary threads by 50 us to save power.
+/// Guard that makes timers of the calling thread exact while the value exists: by default the kernel may delay wake-ups
+/// of ordinary threads by 50 us to save power.
 #[derive(Debug)]
 struct ExactTimers {
     before_ns: u64,

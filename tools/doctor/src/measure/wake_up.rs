@@ -38,7 +38,7 @@ pub(crate) const LOADED: Check =
 #[derive(Clone, Debug)]
 pub(crate) struct WakeUps {
     lateness_ns: Times,
-    /// Deadlines that passed during the delay of another; each delay counts once.
+    /// Number of deadlines that passed during the delay of an earlier one; each delay counts once.
     missed: u64,
 }
 
@@ -137,8 +137,8 @@ impl Load {
         Self { stop, threads }
     }
 
-    /// Ends the load; returns `true` if all of it ran at ordinary priority. Threads with real-time priority do no
-    /// work, because they would block the measuring thread.
+    /// Ends the load; returns `true` if all of it ran at ordinary priority. Threads with real-time priority do no work,
+    /// because they would block the measuring thread.
     #[must_use]
     pub(crate) fn end(self) -> bool {
         self.stop.store(true, Ordering::Relaxed);

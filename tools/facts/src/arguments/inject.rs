@@ -1,7 +1,7 @@
 //! The command line of `hil inject`.
 //!
 //! Each kind of fault has keys of its own, and the kinds depend on the running plant. Therefore an unknown flag is
-//! taken as a key of the kind: [`arrange`] reorders the words so that they can be parsed without knowing the kinds.
+//! treated as a key of the kind: [`arrange`] reorders the words so that they can be parsed without knowing the kinds.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -103,13 +103,13 @@ pub struct InjectArguments {
     )]
     pub table: Option<PathBuf>,
 
-    /// Take hold at this simulated time [default without a trigger: at the next step]
+    /// Take effect at this simulated time [default without a trigger: at the next step]
     #[arg(long, value_name = "TIME", value_parser = seconds, group = "trigger", help_heading = "Trigger")]
     pub at: Option<f64>,
-    /// Take hold at this step
+    /// Take effect at this step
     #[arg(long, value_name = "STEP", group = "trigger", help_heading = "Trigger")]
     pub at_step: Option<u64>,
-    /// Take hold when an expression over signals holds
+    /// Take effect when an expression over signals holds
     #[arg(
         long,
         value_name = "EXPRESSION",
@@ -120,7 +120,7 @@ pub struct InjectArguments {
     /// Time that the condition must hold
     #[arg(long = "for", value_name = "TIME", value_parser = seconds, requires = "when", help_heading = "Trigger")]
     pub hold: Option<f64>,
-    /// Take hold after another fault has taken hold
+    /// Take effect after another fault has taken effect
     #[arg(
         long,
         value_name = "ID|NAME",
@@ -272,9 +272,9 @@ fn sine(text: &str) -> Result<(f64, f64), String> {
     ))
 }
 
-/// Reorders the words after `hil inject` so that they can be parsed without knowing the kinds: first the options of
-/// `hil`, each in one piece with its value, and the kind's own `--KEY VALUE` as `--parameter=KEY=VALUE`; then the
-/// words, among which negative numbers are not options.
+/// Reorders the words after `hil inject` so that they can be parsed without knowing the kinds. First come the options
+/// of `hil`, each in one piece with its value, and the kind's own `--KEY VALUE` as `--parameter=KEY=VALUE`; then the
+/// other words, where negative numbers are not taken for options.
 #[must_use]
 pub fn arrange(typed: impl IntoIterator<Item = OsString>) -> Vec<OsString> {
     let mut typed = typed.into_iter().peekable();

@@ -42,10 +42,10 @@ pub struct ChoiceArguments {
 const LONGEST_BEFORE_S: f64 = 60.0;
 
 impl ChoiceArguments {
-    /// Reads the choice of what is kept, for a run that is recorded or not and has checkpoints or none.
+    /// Reads the choice of the recorded part, for a run with or without a recording and checkpoints.
     ///
     /// # Errors
-    /// If it cannot go with these.
+    /// If the choice contradicts these.
     pub fn choice(&self, is_recorded: bool, has_checkpoints: bool) -> Result<Choice, Failure> {
         let around_s = match self.record_around_faults.as_deref() {
             Some([before_s, _]) if *before_s > LONGEST_BEFORE_S => {

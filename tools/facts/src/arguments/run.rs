@@ -94,10 +94,10 @@ impl Changes {
     pub fn check(&self) -> Result<(), Failure> {
         match (self.clock, self.pace) {
             (Some(ClockKind::Lockstep), Some(_)) => Err(Failure::usage(
-                "--pace is for --clock paced; lockstep runs as fast as both sides can",
+                "--pace applies only to --clock paced: lockstep runs as fast as both sides can",
             )),
             (Some(ClockKind::Realtime), Some(_)) => Err(Failure::usage(
-                "--pace is for --clock paced; realtime has the pace of the clock",
+                "--pace applies only to --clock paced: realtime follows the clock",
             )),
             (_, Some(factor)) if !(factor.is_finite() && factor > 0.0) => Err(Failure::usage(
                 format!("--pace must be above 0, not {}", exact(factor)),

@@ -43,7 +43,7 @@ impl TargetArguments {
         };
         if matches!(target, Target::Ssh(_)) && self.key_file.is_some() {
             return Err(Failure::usage(
-                "--key-file is for a listening agent, --target serve://HOST:PORT; ssh has keys of its own",
+                "--key-file is only for a listening agent, --target serve://HOST:PORT; ssh uses its own keys",
             ));
         }
         Ok(Some(Way {

@@ -1,9 +1,9 @@
-//! Allowed differences of a run from a checkpoint: none that contradict the steps before it.
+//! Differences allowed to a run from a checkpoint: none that contradicts the steps before the checkpoint.
 //!
-//! The records before the checkpoint are fixed. So the plant, its instruments, its controller, the rate and the seed must
-//! be the same; reference signals must have the same values up to there; a fault that has begun keeps its target, its
-//! times and its profile, and only its sizes may change from there on; a fault that has not begun may not begin
-//! earlier. Duration, clock and metrics are free.
+//! The records before the checkpoint are fixed. So the plant, its instruments, its controller, the rate and the seed
+//! must be the same, and reference signals must have the same values up to the checkpoint. A fault that has begun keeps
+//! its target, its times and its profile, and only its magnitudes may change from there on; a fault that has not begun
+//! may not begin earlier. Duration, clock and metrics are free.
 
 use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
 use plant_process::stimulus;
@@ -16,7 +16,7 @@ use crate::results::faults::FaultLog;
 /// Differences between a run that continues from a checkpoint and the run that made it.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Branch {
-    /// Numbers of the faults that had begun and continue with other sizes: no scenario reproduces such a run from
+    /// Numbers of the faults that had begun and continue with other magnitudes: no scenario reproduces such a run from
     /// its beginning.
     pub changed_faults: Vec<u32>,
 }
@@ -48,7 +48,7 @@ pub(crate) fn check(
     };
     if then.derived != now.derived && now.faults.iter().any(conditions) {
         check.refuse(
-            "the derived signals must stay the same: conditions of faults were evaluated with them",
+            "the derived signals must stay the same, because conditions of faults were evaluated with them",
         );
     }
     if check.reasons.is_empty() {
@@ -81,19 +81,19 @@ impl Check<'_> {
         if then.rate != now.rate {
             let (then, now) = (then.rate.hz(), now.rate.hz());
             self.refuse(format!(
-                "run.rate_hz was {} and must stay, but is {}",
+                "run.rate_hz must stay {}, but is {}",
                 exact(then),
                 exact(now)
             ));
         } else if now.steps <= self.step.0 {
             let (end, begin) = (self.at(Step(now.steps)), self.at(self.step));
             self.refuse(format!(
-                "run.duration_s ends the run at {end}, but it begins at {begin}"
+                "run.duration_s ends the run at {end}, but the run begins at {begin}"
             ));
         }
         if then.seed != now.seed {
             let (then, now) = (then.seed, now.seed);
-            self.refuse(format!("run.seed was {then} and must stay, but is {now}"));
+            self.refuse(format!("run.seed must stay {then}, but is {now}"));
         }
         if now.clock == Clock::Realtime {
             self.refuse(
@@ -135,7 +135,7 @@ impl Check<'_> {
         if keys.is_empty() {
             for (table, then, now) in tables {
                 keys.extend(changed(then, now).map(|(name, then, now)| {
-                    format!("{table}.{name} was {then} and must stay, but is {now}")
+                    format!("{table}.{name} must stay {then}, but is {now}")
                 }));
             }
         }
@@ -185,7 +185,7 @@ impl Check<'_> {
         if then.len() != now.len() {
             let (then, now) = (then.len(), now.len());
             self.refuse(format!(
-                "there were {then} faults and now there are {now}; use `hil inject` to add one to the running session"
+                "there were {then} faults but now there are {now}; add a fault to the running session with `hil inject`"
             ));
             return;
         }
@@ -196,7 +196,7 @@ impl Check<'_> {
         }
     }
 
-    /// Checks that changes before the checkpoint are the same; later ones are free.
+    /// Checks that changes before the checkpoint are the same; later changes are free.
     fn changes(&mut self, then: &[Change], now: &[Change]) {
         let before = |changes: &[Change]| {
             let past = changes
@@ -234,7 +234,7 @@ impl Check<'_> {
                 } else {
                     let at = self.at(Step(begun.step));
                     self.refuse(format!(
-                        "{name} has been active since {at}: it must keep its times and its profile, only its sizes may change"
+                        "{name} has been active since {at}: it must keep its times and its profile, and only its sizes may change"
                     ));
                 }
             }
@@ -253,7 +253,7 @@ impl Check<'_> {
             }
             Trigger::Condition(_) if then.trigger != now.trigger => {
                 self.refuse(format!(
-                    "{name} must keep its condition: another might have held before {}",
+                    "{name} must keep its condition, because another one might have held before {}",
                     self.at(self.step)
                 ));
                 return;
@@ -277,7 +277,7 @@ fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&
     })
 }
 
-/// Returns `true` if two events on the same targets differ in nothing but sizes.
+/// Returns `true` if two events on the same targets differ only in magnitudes.
 fn same_but_for_sizes(then: &FaultEvent, now: &FaultEvent) -> bool {
     let mut sized = now.clone();
     for (sized, then) in sized.effects.iter_mut().zip(&then.effects) {

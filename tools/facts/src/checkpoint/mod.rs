@@ -1,17 +1,17 @@
 //! Checkpoints: the state of both sides before a step, stored in the folder of a run, from which another run can
 //! continue. Nothing is run or recorded here.
 //!
-//! A checkpoint is a folder `checkpoint-<step>` beside its `run.mcap`: `plant.state` and `controller.state`, which
-//! only the binaries that wrote them can read, and `checkpoint.json`, which describes them. `hil run
-//! --checkpoint-at` makes it:
+//! A checkpoint is a folder `checkpoint-<step>` next to the run's `run.mcap`: `plant.state` and `controller.state`,
+//! which only the binaries that wrote them can read, and `checkpoint.json`, which describes them. `hil run
+//! --checkpoint-at` makes a checkpoint:
 //!
 //! 1. `steps` determines the steps, and `refuse_unsaveable` checks that everything can be saved.
 //! 2. Both sides write their state into the session's folder when they reach the step.
-//! 3. `collect` stores both beside the recording, with the digest of the records before the step.
+//! 3. `collect` stores both states next to the recording, with the digest of the records before the step.
 //! 4. `note` adds the result of the check that the state restores exactly.
 //!
-//! `hil run --from` reads it with [`Past`](past::Past), which verifies everything; [`branch`] defines which parts
-//! of the scenario may differ from there on.
+//! `hil run --from` reads a checkpoint with [`Past`](past::Past), which verifies everything; [`branch`] defines which
+//! parts of the scenario may differ from there on.
 
 pub mod branch;
 pub mod past;
@@ -58,7 +58,7 @@ pub struct Checkpoint {
     plant: SavedSide,
     controller: SavedSide,
     recording: SavedPast,
-    /// Check that the state restores exactly; absent until it was made.
+    /// Check that the state restores exactly; absent until made.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     check: Option<Check>,
 }
@@ -92,7 +92,7 @@ struct SavedPast {
 /// Returns the steps before which the state is saved, in increasing order; the run begins at `first`.
 ///
 /// # Errors
-/// If there is nothing to save at a time, or no run could continue from it.
+/// If there is nothing to save at a time, or no run could continue from that time.
 pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failure> {
     let rate = plan.run.rate;
     let mut steps = Vec::new();
@@ -138,7 +138,7 @@ fn state_of_fmu(binary: &Binary) -> Option<&'static str> {
 /// Refuses a run whose state cannot be saved or restored, naming the cause.
 ///
 /// # Errors
-/// If the plant, the law or a fault cannot save its state; the error names it and the function it needs.
+/// If the plant, the law or a fault cannot save its state; the error names the part and the function that it needs.
 pub fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), Failure> {
     let cannot = |what: String, needs: &str| {
         Err(Failure::usage(format!(
@@ -166,8 +166,8 @@ pub fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), Failure
     Ok(())
 }
 
-/// Moves the states that both sides wrote to the session's folder beside the recording. `digests` are those of the
-/// first records, by their number.
+/// Moves the states that both sides wrote to the session's folder next to the recording. `digests` are the digests of
+/// the first records, by number of records.
 ///
 /// # Errors
 /// If a file cannot be read or written.

@@ -1,8 +1,8 @@
 //! Checkpoint to continue from, read and verified before anything is started.
 //!
-//! Nothing in it is trusted: the states must have the recorded hashes, the records before the step the recorded
-//! digest, and plant and controller must be the binaries that saved them. Faults injected during the run are read
-//! from its recording.
+//! Nothing in the checkpoint is trusted: the states must have the recorded hashes, the records before the step must
+//! have the recorded digest, and plant and controller must be the binaries that saved the states. Faults injected
+//! during the run are read from its recording.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -44,7 +44,7 @@ pub struct Past {
 /// Records before a checkpoint, for the recorder.
 #[derive(Clone, Debug)]
 pub struct PastRecords {
-    /// Path of their recording.
+    /// Path of the recording.
     pub recording: PathBuf,
     /// Number of the records.
     pub count: u64,
@@ -58,7 +58,7 @@ impl Past {
     /// Reads a checkpoint for these binaries.
     ///
     /// # Errors
-    /// If it is not a checkpoint, is damaged, or was made by other binaries.
+    /// If the folder is not a checkpoint, is damaged, or was made by other binaries.
     pub fn open(folder: &Path, binaries: &Binaries) -> Result<Self, Failure> {
         let folder = std::path::absolute(folder).map_err(Failure::usage)?;
         refuse_odd(&folder)?;
@@ -87,7 +87,7 @@ impl Past {
         })
     }
 
-    /// Returns the plan from here on: the scenario with changes, as far as the past allows them.
+    /// Returns the plan from the checkpoint on: the scenario with changes, as far as the past allows them.
     ///
     /// # Errors
     /// All problems of the scenario, and all contradictions with the past.
@@ -129,7 +129,7 @@ impl Past {
         Step(self.checkpoint.step)
     }
 
-    /// Warns of a state that does not restore exactly.
+    /// Prints a warning if a state does not restore exactly.
     pub fn tell(&self) {
         let check = self.checkpoint.check.as_ref();
         if let Some(warning) = check.and_then(Check::warning) {
@@ -137,7 +137,7 @@ impl Past {
         }
     }
 
-    /// Returns the summary's entry for a run that continues from here.
+    /// Returns the summary's entry for a run that continues from this checkpoint.
     pub fn resumed(&self, branch: Branch) -> Resumed {
         let checkpoint = &self.checkpoint;
         Resumed {
@@ -221,7 +221,7 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     } = checkpoint;
     if (schema, protocol) != (SCHEMA, PROTOCOL) {
         return Err(damaged(&format!(
-            "it has schema {schema} and protocol {protocol}, this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
+            "it has schema {schema} and protocol {protocol}, but this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
         )));
     }
     Ok(checkpoint)
@@ -246,7 +246,7 @@ fn same_binary(saved: &SavedSide, binary: &Binary) -> Result<(), Failure> {
     let (path, of) = (binary.path.display(), &saved.of);
     let (theirs, ours) = (&saved.binary_blake3, &binary.blake3);
     Err(Failure::usage(format!(
-        "{path} is not the binary that saved the state of `{of}` and may misread it: its hash is {ours}, that of the other {theirs}"
+        "{path} is not the binary that saved the state of `{of}` and may misread it: its hash is {ours}, but the other has {theirs}"
     )))
 }
 
@@ -261,7 +261,7 @@ fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
     }
     let expected = &saved.blake3;
     Err(Failure::usage(format!(
-        "{path_text} is damaged: its hash is {actual}, that of the saved state {expected}"
+        "{path_text} is damaged: its hash is {actual}, but the saved state has {expected}"
     )))
 }
 

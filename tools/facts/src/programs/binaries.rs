@@ -1,7 +1,7 @@
 //! Plant and controller binaries: their paths, descriptions and hashes.
 //!
 //! 1. `named` selects the program of a side; `trusted` and `seal` decide which programs a file may name.
-//! 2. A program is hashed and then asked for its description: here, or on the machine that runs it ([`reached`]).
+//! 2. A program is hashed and then asked for its description, either here or on the machine that runs it ([`reached`]).
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -50,9 +50,9 @@ pub struct Binary {
     pub blake3: String,
     /// Source that named the binary.
     pub by: NamedBy,
-    /// Machine that runs it, if that is another.
+    /// Machine that runs the binary, if another.
     pub at: Option<Reached>,
-    /// Program that runs it, if it is a model.
+    /// Program that runs the binary, if the binary is a model.
     pub host: Option<Host>,
     /// Comparison with the desk's build, if another build runs on a target.
     pub beside_desk: Option<BesideDesk>,
@@ -75,7 +75,7 @@ pub struct Choices {
     plant: Choice,
     controller: Choice,
     at: Option<Reached>,
-    /// Controller that would run at this desk, if it runs on a target.
+    /// Controller that would run at this desk, if the controller runs on a target.
     at_desk: Option<Choice>,
 }
 
@@ -109,17 +109,17 @@ impl Choices {
         }
     }
 
-    /// Returns `true` if one of them was named in any way.
+    /// Returns `true` if one of the programs was named in any way.
     pub fn names_one(&self) -> bool {
         [&self.plant, &self.controller]
             .iter()
             .any(|choice| choice.by != NamedBy::Nobody)
     }
 
-    /// Asks both for their descriptions.
+    /// Asks both programs for their descriptions.
     ///
     /// # Errors
-    /// If one is missing, cannot be executed or does not speak the protocol.
+    /// If a program is missing, cannot be executed or does not speak the protocol.
     pub fn find(&self, interruption: &Interruption) -> Result<Arc<Binaries>, Failure> {
         let at = self.at.as_ref();
         let mut controller = Binary::of_controller(&self.controller, at, interruption)?;
@@ -143,7 +143,7 @@ impl Binaries {
         }
     }
 
-    /// Reports which programs run, where that does not follow from the command line.
+    /// Prints which programs run, unless this follows from the command line.
     pub fn tell(&self) {
         let all = [(&PLANT, &self.plant), (&CONTROLLER, &self.controller)];
         for (role, Binary { path, by, at, .. }) in all {
@@ -224,7 +224,7 @@ impl Binary {
     /// Finds the named plant and asks for its description.
     ///
     /// # Errors
-    /// If it is missing, cannot be executed or does not speak the protocol.
+    /// If the plant is missing, cannot be executed or does not speak the protocol.
     pub fn plant(
         given: Option<&Path>,
         named: &Named<'_>,
@@ -236,7 +236,7 @@ impl Binary {
     /// Finds the named controller and asks for its description.
     ///
     /// # Errors
-    /// If it is missing, cannot be executed or does not speak the protocol.
+    /// If the controller is missing, cannot be executed or does not speak the protocol.
     pub fn controller(
         given: Option<&Path>,
         named: &Named<'_>,
@@ -249,7 +249,7 @@ impl Binary {
     /// Describes a controller that was named with this flag; an FMU has these permissions and settings.
     ///
     /// # Errors
-    /// If it is missing, cannot be executed, does not speak the protocol or refuses the settings.
+    /// If the controller is missing, cannot be executed, does not speak the protocol or refuses the settings.
     pub fn asked_for(
         path: &Path,
         flag: &'static str,
@@ -270,10 +270,10 @@ impl Binary {
         Self::of_controller(&choice, at, interruption)
     }
 
-    /// Describes a program or a model, as this side if it can be both.
+    /// Describes a program or a model, as this side if it can be either side.
     ///
     /// # Errors
-    /// If it is missing, cannot be executed or does not speak the protocol.
+    /// If the file is missing, cannot be executed or does not speak the protocol.
     pub fn described(
         path: &Path,
         role: &Role,
@@ -317,35 +317,35 @@ impl Binary {
         })
     }
 
-    /// Returns advice about an unknown plant or law, given as `what`; `name` states how to name another program.
+    /// Returns advice about an unknown plant or law (`what`); `name` states how to name another program.
     pub fn advice(&self, what: &str, name: &str) -> String {
         let (path, by) = (self.path.display(), &self.by);
         match by {
             NamedBy::Nobody => {
-                format!("a {what} of your own is a program of its own; name it with {name}")
+                format!("a custom {what} needs its own program; name the program with {name}")
             }
             by => format!("these are the {what}s of {path} ({by})"),
         }
     }
 
-    /// Returns its permissions, if it is an FMU.
+    /// Returns the permissions of the binary if it is an FMU.
     pub fn permissions(&self) -> Permissions {
         let host = self.host.as_ref();
         host.map_or_else(Permissions::default, |host| host.permissions)
     }
 
-    /// Returns the path, if it was named.
+    /// Returns the path if the binary was named.
     pub fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)
     }
 
     /// Returns `true` if the controller of this epoch can be expected to say hello: on a target it must first be
-    /// running there, which takes as long as `ssh` does.
+    /// running, which takes as long as `ssh` does.
     pub fn is_ready(&self, session: &SessionInfo, epoch: u32) -> bool {
         self.at.is_none() || session.folder.join(ready_file(epoch)).exists()
     }
 
-    /// Returns `true` if an interpreter runs it.
+    /// Returns `true` if an interpreter runs the file.
     pub fn is_script(&self) -> bool {
         file::is_script(&self.path)
     }
@@ -361,7 +361,7 @@ impl Binary {
             _ => return Ok(()),
         };
         Err(Failure::infrastructure(format!(
-            "{} was replaced or changed after it was checked, so it is not run; start again to use the file as it is now",
+            "{} was replaced or changed after the check, so it is not run; start again to use the new file",
             changed.display()
         )))
     }
@@ -381,7 +381,7 @@ impl Binary {
         if let (Some(_), Some(at)) = (&host, at) {
             let target = at.target();
             return Err(cannot(&format!(
-                "an FMU runs on this machine, not on {target}"
+                "an FMU can run only on this machine, not on {target}; omit --target, or name a controller program"
             )));
         }
         if let (None, Some(reason)) = (&host, choice.only_for_an_fmu(role)) {
@@ -397,7 +397,7 @@ impl Binary {
         if let Some(expected) = blake3.as_ref().filter(|expected| **expected != actual) {
             let (side, flag) = (role.side, role.flag);
             return Err(Failure::usage(format!(
-                "{path_text} is no longer the {side} program that was {by}: its hash is {actual}, that of the other {expected}; {flag} {path_text} runs it as it is"
+                "{path_text} is no longer the {side} program that was {by}: its hash is {actual}, but that program has {expected}; use {flag} {path_text} to run it as it is"
             )));
         }
         let answer = match at {
@@ -429,7 +429,7 @@ impl Binary {
         if description.protocol != PROTOCOL {
             let theirs = description.protocol;
             return Err(Failure::usage(format!(
-                "{path_text} speaks protocol {theirs}, this hil {PROTOCOL}; rebuild it"
+                "{path_text} speaks protocol {theirs}, but this hil speaks {PROTOCOL}; rebuild it"
             )));
         }
         description.check().map_err(|wrong| {
@@ -474,10 +474,10 @@ impl Binary {
         }
     }
 
-    /// Returns the command that starts it in a session, here or on its target.
+    /// Returns the command that starts the binary in a session, here or on its target.
     ///
     /// # Errors
-    /// If the program that represents a remote one here cannot be found.
+    /// If the program that represents a remote binary here cannot be found.
     pub fn command(&self, session: &Path) -> Result<Command, Failure> {
         if let Some(at) = &self.at {
             return at.bridge(&self.path, &self.blake3, session);

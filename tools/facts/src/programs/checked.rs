@@ -24,7 +24,7 @@ pub fn checked(
     checked_with(advice, text, origin, plant, controller)
 }
 
-/// Like [`checked`], with other advice on unknown plants and laws.
+/// Does the same as [`checked`], with other advice on unknown plants and laws.
 ///
 /// # Errors
 /// All problems of the scenario.

@@ -36,7 +36,7 @@ fn figures<'a>(
 /// Describes the instruments of a plan, with their phase loss at these frequencies.
 ///
 /// # Errors
-/// If the keys of one do not go together.
+/// If the keys of an instrument are inconsistent.
 pub fn text(
     plan: &Plan,
     plant: &PlantDescription,
@@ -103,10 +103,10 @@ pub fn text(
     Ok(text)
 }
 
-/// The same as JSON.
+/// Describes the same as JSON.
 ///
 /// # Errors
-/// If the keys of one do not go together.
+/// If the keys of an instrument are inconsistent.
 pub fn json(
     plan: &Plan,
     plant: &PlantDescription,

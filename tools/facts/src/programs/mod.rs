@@ -1,5 +1,5 @@
-//! Programs of both sides and their scenario: programs are found, described, and trusted or refused; the scenario
-//! is read, checked against them and shown complete. Starts no run.
+//! Programs of both sides and their scenario: programs are found, described, and trusted or refused; the scenario is
+//! read, checked against the programs and shown complete. Starts no run.
 
 pub mod binaries;
 pub mod checked;

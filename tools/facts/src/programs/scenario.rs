@@ -17,8 +17,8 @@ use crate::arguments::run::Changes;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::reached::Reached;
 
-/// Parts of a scenario that determine what runs. The others disturb the run, which the samples already contain, or
-/// judge it in terms that another controller may not know.
+/// Parts of a scenario that determine what runs. The other parts disturb the run, which the samples already reflect, or
+/// judge it by signals that another controller may not know.
 const KEPT: [&str; 7] = [
     "schema",
     "name",
@@ -38,12 +38,12 @@ pub fn show(plan: &Plan, binaries: &Binaries) -> Result<String, Failure> {
     hil_config::show::show(plan, plants, laws, kinds).map_err(Failure::usage)
 }
 
-/// Reader of scenarios that also finds the programs of each.
+/// Reader of scenarios that also finds the programs of each scenario.
 pub struct Finder<'a> {
     arguments: &'a BinaryArguments,
     at: Option<&'a Reached>,
     interruption: &'a Interruption,
-    /// Binaries of earlier scenarios: each is asked for its description once.
+    /// Binaries of earlier scenarios, so that each binary is asked for its description only once.
     found: Vec<(Choices, Arc<Binaries>)>,
 }
 
@@ -131,7 +131,7 @@ fn refused<T>(problems: &Problems, json: bool) -> Result<T, Failure> {
 /// Returns the parts of a scenario that determine what runs.
 ///
 /// # Errors
-/// If it is not valid TOML.
+/// If the scenario is not valid TOML.
 pub fn kept(text: &str) -> Result<DocumentMut, toml_edit::TomlError> {
     let mut document: DocumentMut = text.parse()?;
     document.retain(|key, _| KEPT.contains(&key));

@@ -16,11 +16,11 @@ pub struct Collector {
     pub evaluation: Option<RecordEvaluation>,
     /// Curve of a case; `None` unless its campaign records curves.
     pub curve: Option<CurveTaker>,
-    /// Latency figures; `None` where they are not needed, because histograms cost more than a short run.
+    /// Latency figures; `None` where unneeded, because histograms cost more than a short run.
     pub latency: Option<Latency>,
     /// Times at which the first and the last record were published.
     published_ns: Option<(u64, u64)>,
-    /// `true` while records belong to the run being continued: they took no time of this run.
+    /// `true` while records belong to the run being continued, which took no time of this run.
     pub is_past: bool,
     pub recorded: Recorded,
 }
@@ -68,7 +68,7 @@ impl Collector {
     /// Adds an event.
     ///
     /// # Errors
-    /// If the event of a live fault is malformed; it is left out.
+    /// If the event of a live fault is malformed; the event is then left out.
     pub fn event(&mut self, event: &Event) -> Result<(), String> {
         if let Some(evaluation) = &mut self.evaluation {
             evaluation.event(event);

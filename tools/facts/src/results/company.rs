@@ -5,13 +5,13 @@ use std::fmt;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde::Serialize;
 
-/// Share of the cores used by others above which they are reported.
+/// Share of the cores used by others from which they are reported.
 const WORTH_TELLING: f64 = 0.1;
 
 /// CPU load by other programs during a run, on the cores available to it.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Company {
-    /// Number of cores that they kept busy, on average.
+    /// Average number of cores that other programs kept busy.
     others_cores: f64,
     /// Number of cores available to the run.
     cores: usize,
@@ -25,7 +25,7 @@ pub struct ProcessorTime {
     all: u64,
     /// Time used by any program.
     busy: u64,
-    /// Time used by this process and its children that have been waited for: concurrent runs count as others until
+    /// Time used by this process and by its children that have been waited for: concurrent runs count as others until
     /// they end.
     own: u64,
 }
@@ -84,7 +84,7 @@ impl ProcessorTime {
         }
     }
 
-    /// Returns the contention since then.
+    /// Returns the contention since an earlier measurement.
     pub fn company(&self, since: &Self) -> Company {
         Company {
             others_cores: self.cores as f64 * self.others_share(since),
@@ -94,7 +94,7 @@ impl ProcessorTime {
 }
 
 impl Company {
-    /// Returns `true` if other programs used so much that the times of the run show it.
+    /// Returns `true` if other programs used so much time that the times of the run show it.
     pub(crate) fn is_worth_telling(&self) -> bool {
         self.others_cores > WORTH_TELLING * self.cores as f64
     }
@@ -104,7 +104,7 @@ impl fmt::Display for Company {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "other programs kept {:.1} of {} cores busy meanwhile, so steps may have waited for them: stop them or move them to other cores (`ps -eo pcpu,pid,user,comm --sort=-pcpu | head`)",
+            "meanwhile other programs kept {:.1} of {} cores busy, so steps may have waited for them: stop them or move them to other cores (`ps -eo pcpu,pid,user,comm --sort=-pcpu | head`)",
             self.others_cores, self.cores
         )
     }

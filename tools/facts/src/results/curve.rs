@@ -17,7 +17,7 @@ pub struct Grid {
     pub bins: usize,
     /// Width of a bin, in s.
     pub bin_s: f64,
-    /// Number of draws of which one records its curves.
+    /// Number of draws of which one has its curves recorded.
     pub every: u64,
 }
 
@@ -39,7 +39,7 @@ impl Curve {
         widen(&mut self.0[signal * grid.bins + bin], [value; 2]);
     }
 
-    /// Merges another curve; returns `true` if that changed anything.
+    /// Merges another curve; returns `true` if the curve changed.
     pub fn widen(&mut self, other: &Self) -> bool {
         let mut is_wider = false;
         for (bin, other) in self.0.iter_mut().zip(&other.0) {
@@ -59,7 +59,7 @@ impl Curve {
     }
 }
 
-/// Widens a bin; returns `true` if that changed it.
+/// Widens a bin; returns `true` if the bin changed.
 #[inline]
 fn widen([least, greatest]: &mut [f32; 2], [low, high]: [f32; 2]) -> bool {
     // Comparisons with NaN are false.

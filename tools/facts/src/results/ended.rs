@@ -35,9 +35,9 @@ pub struct Started {
     pub epoch: u32,
     pub binary: Binary,
     pub law: String,
-    /// Values of the scenario changed for it.
+    /// Values of the scenario changed for the controller.
     pub set: Vec<String>,
-    /// End of the controller's process, if it is notable.
+    /// End of the controller's process, if notable.
     pub fate: Option<String>,
 }
 

@@ -1,7 +1,7 @@
 //! End of a run as reported by its plant, checked against the plan and the records.
 //!
-//! Used by the recorder at the end of a run, and by all readers of recorded outcomes. A plant is another process:
-//! its report is trusted only as far as it is consistent with the plan and the records.
+//! Used by the recorder at the end of a run, and by all readers of recorded outcomes. A plant is another process: its
+//! report is trusted only if it is consistent with the plan and the records.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -35,8 +35,8 @@ fn steps(plan: &Plan, end: &RunEnd) -> Option<String> {
     }
 }
 
-/// Checks the number of records: one for each step, and one of the state after the last, which an aborted run may
-/// lack. In real time some may be lost, and are counted.
+/// Checks the number of records: one for each step, and one of the state after the last step, which an aborted run may
+/// lack. In real time some records may be lost, and are counted.
 fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let (steps, came, lost) = (end.steps, recorded.records, recorded.lost);
     let missing = match plan.run.clock {
@@ -53,11 +53,11 @@ fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             0 => String::new(),
             lost => format!(" and {lost} were lost"),
         };
-        format!("the plant reports {steps} executed steps, which are {due}; {came} arrived{lost}")
+        format!("the plant reports {steps} executed steps, which require {due}, but {came} arrived{lost}")
     })
 }
 
-/// Checks that there are answers: only a controller lost at the first step of the run, before it answered, leaves
+/// Checks that there are answers: only a controller lost at the first step of the run, before its first answer, leaves
 /// none.
 fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let is_alone = recorded.answers.is_some_and(|answers| answers.given == 0);
@@ -91,14 +91,14 @@ fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             let first = first_step.map_or_else(|| "none".into(), |step| step.to_string());
             let steps = end.steps;
             return Some(format!(
-                "the plant reports that {count} {what}, at most {longest} in a row, the first at step {first}, of {steps} steps"
+                "the plant reports that {count} {what}, at most {longest} in a row, the first at step {first}, which is impossible in a run of {steps} steps"
             ));
         }
     }
     if plan.run.clock == Clock::Lockstep && end.overruns.count > 0 {
         let count = end.overruns.count;
         return Some(format!(
-            "the plant reports that {count} {overran}, but in lockstep steps are never due"
+            "the plant reports that {count} {overran}, which is impossible in lockstep, where steps have no due time"
         ));
     }
     let (actual, held) = (end.missed_commands.count, recorded.answers?.held);
@@ -110,12 +110,12 @@ fn counts(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     };
     (!is_sound).then(|| {
         format!(
-            "the plant reports that {actual} {missed}, but {held} records have an older command"
+            "the plant reports that {actual} {missed}, but {held} records contain an older command"
         )
     })
 }
 
-/// Checks that every reported effect belongs to a fault of the run, and is reported once.
+/// Checks that every reported effect belongs to a fault of the run, and is reported only once.
 fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
     let log = &recorded.faults;
     let live = log.accepted.iter().map(|live| &live.event);

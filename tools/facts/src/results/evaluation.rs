@@ -1,4 +1,4 @@
-//! Evaluation of whole records: the same code for the recorder and for readers of recordings, so that metrics and
+//! Evaluation of whole records. The recorder and the readers of recordings use the same code, so that metrics and
 //! requirements agree to the last bit.
 
 use std::ops::Range;

@@ -1,7 +1,7 @@
 //! Fates of a run's faults, for its summary.
 //!
-//! Derived from the plan and from the plant's events: the requested fault, the step at which it became active, the
-//! size of its effect. A fault without effect is reported as prominently as one with an effect.
+//! Derived from the plan and from the plant's events: the requested fault, the step at which it became active, and the
+//! size of its effect. A fault without effect is reported as prominently as a fault with an effect.
 
 use std::fmt::Write as _;
 
@@ -56,14 +56,14 @@ pub struct Fault {
     #[serde(skip_serializing_if = "Option::is_none")]
     name: Option<String>,
     source: FaultSource,
-    /// Requested time; null for a condition, or a fault that follows another.
+    /// Requested time; null for a condition, or for a fault that follows another one.
     requested_at_s: Option<f64>,
     /// Next step when a live fault was accepted.
     #[serde(skip_serializing_if = "Option::is_none")]
     accepted_step: Option<u64>,
-    /// Step at which it became active; null if it never did.
+    /// Step at which the fault became active; null if it never did.
     effective_step: Option<u64>,
-    /// Reason that the fault never became active.
+    /// Reason why the fault never became active.
     #[serde(skip_serializing_if = "Option::is_none")]
     reason: Option<String>,
     effects: Vec<Effect>,
@@ -72,29 +72,29 @@ pub struct Fault {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 struct Effect {
     target: String,
-    /// Parameters or signal; null if it never became active.
+    /// Parameters or signal; null if the fault never became active.
     parameter: Option<String>,
     effective_step: Option<u64>,
     ended_step: Option<u64>,
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     cleared: bool,
-    /// Largest effect; null, as are the next two, if the plant died before it could report it.
+    /// Largest effect; null, as are the next two, if the plant died before reporting it.
     max_effect: Option<f64>,
     unit: Option<String>,
     acted_steps: Option<u64>,
     /// `true` if the effect became active and changed nothing.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     no_effect: bool,
-    /// The parameter cannot be read back from the model: nothing confirms the effect.
+    /// `true` if the parameter cannot be read back from the model, so that the effect remains unconfirmed.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     unconfirmed: bool,
 }
 
 impl FaultLog {
-    /// Adds an event, if it concerns faults.
+    /// Adds an event if it concerns faults.
     ///
     /// # Errors
-    /// If the event of a live fault is malformed; it is left out.
+    /// If the event of a live fault is malformed; the event is then left out.
     pub fn take(&mut self, event: &Event) -> Result<(), String> {
         match event {
             Event::Accepted(accepted) => {
@@ -122,7 +122,7 @@ impl FaultLog {
         planned.chain(live).collect()
     }
 
-    /// Keys of a change that the model does not confirm.
+    /// Returns the keys of a change that the model does not confirm.
     #[must_use]
     pub fn unconfirmed_of(&self, change: &ValueChange) -> Vec<String> {
         let keys = change.set.iter().map(|one| &one.key);
@@ -188,11 +188,11 @@ impl FaultLog {
         }
     }
 
-    /// Returns the reason that an event never became active.
+    /// Returns the reason why an event never became active.
     fn never(&self, event: &FaultEvent) -> String {
         let is_cleared = |ended: &FaultEnded| ended.id == event.id && ended.cleared;
         if self.ended.iter().any(is_cleared) {
-            return "it was cleared before".into();
+            return "it was cleared earlier".into();
         }
         match &event.trigger {
             Trigger::Step { step, .. } => format!("the run ended before step {step}"),
@@ -209,14 +209,14 @@ impl FaultLog {
                     Some(_) => {
                         format!("the run ended within {delay_steps} steps after fault {event}")
                     }
-                    None => format!("fault {event}, which it follows, never took hold"),
+                    None => format!("fault {event}, which it follows, never took effect"),
                 }
             }
         }
     }
 }
 
-/// Names keys whose change is not confirmed, to follow the description of the change; empty without one.
+/// Names keys with unconfirmed changes, to follow the description of the change; empty if there are none.
 #[must_use]
 pub fn not_confirmed(keys: &[String]) -> String {
     match keys {
@@ -242,8 +242,8 @@ impl Fault {
         // Writing to a string cannot fail.
         let _ = match (self.effective_step, &self.reason) {
             (Some(step), _) => write!(text, " at step {step}"),
-            (None, Some(reason)) => write!(text, " never took hold: {reason}"),
-            (None, None) => write!(text, " never took hold"),
+            (None, Some(reason)) => write!(text, " never took effect: {reason}"),
+            (None, None) => write!(text, " never took effect"),
         };
         if self.effective_step.is_none() {
             return text;
@@ -251,7 +251,7 @@ impl Fault {
         for effect in &self.effects {
             let _ = write!(text, ", {}", effect.target);
             let _ = match (effect.effective_step, effect.max_effect, &effect.unit) {
-                (None, ..) => write!(text, " never took hold"),
+                (None, ..) => write!(text, " never took effect"),
                 (_, Some(_), _) if effect.no_effect => write!(text, " NO EFFECT"),
                 (_, Some(size), Some(unit)) => write!(text, " {}", short_in(size, unit)),
                 _ => write!(text, " of unknown size"),

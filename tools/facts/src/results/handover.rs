@@ -9,19 +9,19 @@ use shared_types::time::{Rate, Step};
 
 use crate::results::ended::Started;
 
-/// Controller of a run that had several, or lost its only one.
+/// Controller of a run that had several controllers, or lost its only one.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct ActiveController {
     epoch: u32,
-    /// Path of the binary; null, as is the hash, where only a recording reports it.
+    /// Path of the binary; null, as is the hash, if only a recording reports the controller.
     binary: Option<String>,
     blake3: Option<String>,
     law: Option<String>,
-    /// Values changed for it.
+    /// Values changed for the controller.
     set: Vec<String>,
-    /// First step that it answered; null if it never became active.
+    /// First step that the controller answered; null if it never became active.
     from_step: Option<u64>,
-    /// First step without it; null if it was active to the end.
+    /// First step without the controller; null if it was active to the end.
     until_step: Option<u64>,
     until_s: Option<f64>,
     /// `lost`, `replaced` or `refused`.
@@ -124,7 +124,7 @@ impl Laws {
         (is_whole && law.other.is_empty()).then_some(&law.name)
     }
 
-    /// Describes the controllers: the first, and each other one with its start time.
+    /// Describes the controllers: the first, and each later one with its start time.
     pub fn describe(&self, rate: Rate) -> String {
         let parts = self.0.iter().map(|(step, law)| {
             let law = (law.as_ref()).map_or_else(|| "no controller".into(), Law::to_string);
@@ -137,7 +137,7 @@ impl Laws {
     }
 }
 
-/// Returns the controllers of a run; empty if it kept its first one.
+/// Returns the controllers of a run; empty if the run kept its first controller.
 pub(crate) fn active_controllers(
     started: &[Started],
     changes: &[ControllerChange],

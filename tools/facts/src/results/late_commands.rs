@@ -1,7 +1,7 @@
 //! Late commands of a recorded run, which `hil rerun` repeats in lockstep.
 //!
-//! Every record states which command its step received, and that command states which samples were answered before
-//! it. A sample that no command reports was never seen by the controller.
+//! Every record states which command its step received, and that command states which samples were answered before it.
+//! A sample that no command reports never reached the controller.
 
 use std::collections::BTreeMap;
 
@@ -79,7 +79,7 @@ impl LateCommands {
 mod tests {
     use super::*;
 
-    /// Collects steps given by the step of their command, and the answers before it.
+    /// Collects steps from the step of their command and the answers before it.
     fn collected(steps: &[(u64, Answered)]) -> Vec<(u64, u32, bool)> {
         let mut collector = LateCommands::new(0, 1);
         for (step, (command, answered)) in (0..).zip(steps) {

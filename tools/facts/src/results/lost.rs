@@ -1,4 +1,4 @@
-//! Summary of a run whose `hil` was killed: the facts known at its start, and the reason of its end.
+//! Summary of a run whose `hil` was killed: the facts known at its start, and the reason why it ended.
 //!
 //! Written by the guard, which has neither plan nor records. `hil recover` replaces it by the contents of the
 //! recording.
@@ -20,14 +20,14 @@ const LOST: &str = "lost";
 /// End of the `hil` process of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum End {
-    /// Exit: it removed the folders of runs that had not started.
+    /// Exit: `hil` removed the folders of runs that had not started.
     Exit,
     /// Signal, between any two instructions.
     Signal,
 }
 
-/// Returns the summary of a run that was begun; writes it first if the run ended with `hil`. `None` for a run that
-/// left no folder of its own.
+/// Returns the summary of a run that was begun; writes the summary first if the run ended with `hil`. `None` for a run
+/// that left no folder of its own.
 ///
 /// # Errors
 /// If the output cannot be written.
@@ -41,7 +41,7 @@ pub fn summarise(run: &BegunRun, reason: &str, end: End) -> Result<Option<Value>
     }
     let is_recorded = run.folder.join(RECORDING).exists();
     let hint = format!(
-        "; hil recover {} determines how far it got",
+        "; run `hil recover {}` to determine how far it got",
         run.folder.display()
     );
     let hint = if is_recorded { hint } else { String::new() };

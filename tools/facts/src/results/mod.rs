@@ -1,9 +1,8 @@
-//! Facts of a run and their meaning. `collector` collects records from the recorder or a recording; `ending` checks
-//! the plant's report of the end; `requirements` determines verdict and exit code; `faults`, `handover`,
-//! `late_commands` and [`latency`] report on their subjects; `outcome` reads a recording as far as possible;
-//! `summary` reports everything, and `lost` what remains known after `hil` was killed. `restoration` compares
-//! second sides from a checkpoint with the run. Starts no process. Reads nothing of the machine but processor times
-//! (`company`).
+//! Facts of a run and their meaning. `collector` collects records from the recorder or a recording; `ending` checks the
+//! plant's report of the end; `requirements` determines verdict and exit code; `faults`, `handover`, `late_commands`
+//! and [`latency`] report on their subjects; `outcome` reads a recording as far as possible; `summary` reports
+//! everything, and `lost` reports the facts that remain after `hil` was killed. `restoration` compares second sides
+//! from a checkpoint with the run. Starts no process. Reads nothing of the machine except processor times (`company`).
 
 pub mod collector;
 pub mod company;

@@ -1,8 +1,8 @@
-//! Outcome of a recorded run, whatever the state of its recording: its readable records, and the facts of the run
-//! up to there.
+//! Outcome of a recorded run, whatever the state of its recording: its readable records, and the facts of the run up to
+//! the last of them.
 //!
-//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once and returns what the recorder would
-//! have returned had the run ended there.
+//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once and returns what the recorder would have
+//! returned if the run had ended there.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -33,7 +33,7 @@ pub struct RecordedOutcome {
     pub recorded: Recorded,
     /// Latency of the steps.
     pub latency: Latency,
-    /// Run with the plan that judges it; the error if its scenario is invalid.
+    /// Run with the plan that judges it, or the error if its scenario is invalid.
     pub run: Result<RecordedRun, Failure>,
 }
 
@@ -59,7 +59,7 @@ fn judge(
 }
 
 impl RecordedOutcome {
-    /// Reads a recording and judges it by its own scenario or by another.
+    /// Reads a recording and judges it by its own scenario or by another one.
     ///
     /// # Errors
     /// If the file is not a recording.
@@ -167,10 +167,7 @@ impl RecordedOutcome {
         }
     }
 
-    /// Returns the summary of the run; `broke_off` is the reason of its end if the recording contains none.
-    ///
-    /// # Errors
-    /// If its scenario is invalid.
+    /// Returns the summary of the run; `broke_off` is the reason why it ended if the recording contains none.
     pub fn summary(self, broke_off: Option<&str>) -> Result<Summary, Failure> {
         let (outcome, reason) = self.outcome(broke_off);
         let run = self.run?;

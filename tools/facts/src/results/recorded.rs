@@ -16,7 +16,7 @@ const STEPS: usize = 100;
 /// Facts of the recorder at the end.
 #[derive(Clone, Debug, Default)]
 pub struct Recorded {
-    /// End of the run as reported by the plant; `None` if the plant died before it.
+    /// End of the run as reported by the plant; `None` if the plant died earlier.
     pub end: Option<RunEnd>,
     /// Fault events.
     pub faults: FaultLog,
@@ -26,13 +26,13 @@ pub struct Recorded {
     pub values: Vec<ValueChange>,
     /// Marks of observers.
     pub marks: Vec<Mark>,
-    /// Number of processed records, including those of the past.
+    /// Number of processed records, including records of the past.
     pub records: u64,
     /// Number of records in the recording.
     pub written: u64,
-    /// Reason that the recording lacks the rest, if it could not be written.
+    /// Reason why the recording lacks the rest, if it could not be written.
     pub cut_short: Option<String>,
-    /// Number of records that the run continued.
+    /// Number of records of the run that this run continues.
     pub past_records: u64,
     /// Number of items lost in the stream.
     pub lost: u64,
@@ -40,7 +40,7 @@ pub struct Recorded {
     pub answers: Option<Answers>,
     /// Digest of all processed records; `None` if something was lost.
     pub digest: Option<String>,
-    /// Digests after certain numbers of records, as far as they were requested and exist.
+    /// Digests after certain numbers of records, as far as requested and available.
     pub partial_digests: BTreeMap<u64, String>,
     /// Records after each checkpoint, in the order of the steps.
     pub stretches: Vec<Stretch>,
@@ -73,7 +73,7 @@ impl Recorded {
 pub struct Answers {
     /// Number of records with a controller's command.
     pub given: u64,
-    /// Number of records with an older command than that of their step.
+    /// Number of records whose command is older than the one of their step.
     pub held: u64,
 }
 
@@ -90,7 +90,7 @@ impl Answers {
 pub struct Stretch {
     /// Step of the checkpoint.
     pub first: u64,
-    /// Number of live faults accepted before it.
+    /// Number of live faults accepted before the checkpoint.
     pub accepted: usize,
     /// Reproducible words of the records from that step on.
     pub(super) records: Vec<Vec<u64>>,
@@ -106,7 +106,7 @@ impl Stretch {
         }
     }
 
-    /// Adds the next record; returns `false` if enough are stored.
+    /// Adds the next record; returns `false` if enough records are stored.
     pub fn take(&mut self, hashed: &[u64]) -> bool {
         // The state after the last step is in the next record.
         let is_open = self.records.len() <= STEPS;
@@ -116,7 +116,7 @@ impl Stretch {
         is_open
     }
 
-    /// Returns the records up to the first live change, because the sides of a check receive none.
+    /// Returns the records up to the first live change, because the sides of a check receive no live changes.
     pub(super) fn untouched(&self, recorded: &Recorded) -> &[Vec<u64>] {
         let faults = &recorded.faults;
         let later = faults.accepted.get(self.accepted..).unwrap_or_default();

@@ -1,8 +1,8 @@
 //! Recorded run reconstructed from its recording: both programs, the scenario, its plan and the indices of its
 //! signals.
 //!
-//! Created by all readers that need more of a recording than its columns. Needs none of the programs on this
-//! machine, and reads no records.
+//! Created by all readers that need more of a recording than its columns. Needs none of the programs on this machine,
+//! and reads no records.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -24,9 +24,9 @@ use crate::results::evaluation::RecordEvaluation;
 
 /// A recorded run.
 pub struct RecordedRun {
-    /// Answer of its plant program to `--describe`.
+    /// Answer of the run's plant program to `--describe`.
     pub plant_program: Description,
-    /// Answer of its controller program.
+    /// Answer of the run's controller program.
     pub controller_program: Description,
     pub plant: PlantDescription,
     /// Law with the signal names used on the link.
@@ -43,7 +43,7 @@ fn recorded(name: &str) -> String {
 }
 
 impl RecordedRun {
-    /// Returns the aliases of its signals, each with the recorded name.
+    /// Returns the aliases of the run's signals, each with the recorded name.
     pub fn aliases(&self) -> Vec<(String, String)> {
         let layout = self.plan.record_layout(&self.plant, &self.law);
         let aliases = Columns::from(&layout).aliases().into_iter();
@@ -52,7 +52,7 @@ impl RecordedRun {
             .collect()
     }
 
-    /// Returns the name that a recording has for a signal, of which this may be a further name.
+    /// Returns the recorded name of a signal, given that name or an alias.
     #[must_use]
     pub fn own_name(reader: &RunReader, name: &str) -> String {
         let spelt = recorded(name);
@@ -71,7 +71,7 @@ impl RecordedRun {
     /// Reads a run from its recording; problems of its scenario name `origin`.
     ///
     /// # Errors
-    /// If the recording lacks a part of it or the part is invalid.
+    /// If a part of the run is missing from the recording or invalid.
     pub fn of(reader: &RunReader, origin: &Path) -> Result<Self, Failure> {
         Self::planned(reader, |text, plant, controller| {
             checked(text, origin, plant, controller)
@@ -81,7 +81,7 @@ impl RecordedRun {
     /// Reads a run from its recording, with a plan made from its scenario and both descriptions.
     ///
     /// # Errors
-    /// If the recording lacks a part of it, and the errors of the plan.
+    /// If a part of the run is missing from the recording; also the errors of the plan.
     pub fn planned(
         reader: &RunReader,
         plan: impl FnOnce(&str, &Description, &Description) -> Result<Plan, Failure>,
@@ -109,7 +109,7 @@ impl RecordedRun {
         })
     }
 
-    /// Replaces computed signals and everything that judges by those of another scenario.
+    /// Replaces the computed signals, and everything that judges the run, by those of another scenario.
     ///
     /// # Errors
     /// If the scenario cannot be read, or does not fit the run.
@@ -121,7 +121,7 @@ impl RecordedRun {
         let (rate, others) = (self.plan.run.rate, other.run.rate);
         if rate != others {
             return Err(Failure::usage(format!(
-                "{path_text} is at {} and the run at {}: their steps differ in time",
+                "{path_text} runs at {} but the run at {}, so their steps differ in time",
                 exact_in(others.hz(), "Hz"),
                 exact_in(rate.hz(), "Hz")
             )));
@@ -138,7 +138,7 @@ impl RecordedRun {
         Ok(self)
     }
 
-    /// Returns the names of its records' signals and their range among the words.
+    /// Returns the names of the signals in the run's records, and their range among the words.
     ///
     /// # Errors
     /// If a signal belongs to an unknown group.
@@ -164,24 +164,24 @@ impl RecordedRun {
         Ok((columns, places))
     }
 
-    /// Lists the commands of its command frames in order, by their recorded names.
+    /// Lists the commands of the run's command frames in order, by their recorded names.
     pub fn sent_commands(&self) -> Vec<String> {
         let name = |field: &Field| column_name("command", &field.name);
         let sent = self.law.sent_commands(&self.plant).iter();
         sent.map(name).collect()
     }
 
-    /// Starts the evaluation of a plan over its records.
+    /// Starts the evaluation of a plan over the run's records.
     ///
     /// # Errors
-    /// If the plan does not fit its signals.
+    /// If the plan does not fit the run's signals.
     pub fn evaluation(&self, reader: &RunReader, plan: &Plan) -> Result<RecordEvaluation, String> {
         let (columns, places) = self.columns(reader)?;
         let evaluation = RecordEvaluation::new(plan, &columns, places, self.validity(reader));
         evaluation.map_err(|error| error.to_string())
     }
 
-    /// Finds the validity bits of its signals, counted from the first signal.
+    /// Finds the validity bits of the run's signals, counted from the first signal.
     fn validity(&self, reader: &RunReader) -> Validity {
         let sent = self.sent_commands();
         let signals = reader.columns().iter().filter(|column| column.is_signal());

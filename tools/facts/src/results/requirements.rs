@@ -1,6 +1,6 @@
 //! Requirements of a run: their verdicts and their table.
 //!
-//! Used by the summary of a run and by `hil judge`, so that both agree. Evaluates no formula:
+//! Used by the summary of a run and by `hil judge`, so that both agree. Evaluates no formula, because
 //! [`Evaluation`](hil_config::evaluation::Evaluation) does that while records are read.
 
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ pub struct Requirement {
     pub formula: String,
     /// `pass`, `fail` or `undecided`.
     pub verdict: &'static str,
-    /// Margin in the unit, negative where it fails; null if there is none.
+    /// Margin in the unit, negative for a failed requirement; null if there is none.
     pub robustness: Option<f64>,
     pub unit: String,
     /// Time of the step that determines the margin.

@@ -1,5 +1,5 @@
-//! Result of a checkpoint's check: sides started from the saved state repeated the following steps of the run, bit
-//! for bit or not. Compares records and starts nothing.
+//! Result of a checkpoint's check: whether sides started from the saved state repeated the following steps of the run
+//! bit by bit. Compares records and starts nothing.
 
 use hil_recording::schema::column_name;
 use serde::{Deserialize, Serialize};
@@ -70,7 +70,7 @@ impl Check {
         let is_known = self.is_made() && self.verdict != Verdict::Exact;
         is_known.then(|| {
             let text = &self.text;
-            format!("its state does not restore exactly: it {text}; a run from it may differ from the uninterrupted one")
+            format!("its state does not restore exactly: it {text}; a run that continues from it may differ from the uninterrupted run")
         })
     }
 
@@ -184,7 +184,7 @@ impl<'a> Comparison<'a> {
         format!("{at}: {text} ({})", side.name())
     }
 
-    /// Returns the result; `fate` is that of the sides, if they ended before the comparison was complete.
+    /// Returns the result; `fate` describes the end of the sides if they ended before the comparison was complete.
     pub fn check(&self, fate: Option<(Verdict, String)>) -> Check {
         let steps = self.same.saturating_sub(1) as u64;
         let plural = if steps == 1 { "" } else { "s" };
@@ -265,7 +265,7 @@ mod tests {
         stretch
     }
 
-    /// Returns the check of records that are equal except the last, which has these values.
+    /// Returns the check of records that are equal except for the last, which has these values.
     fn text_of(count: u64, last: [f64; 4]) -> String {
         let (layout, recorded) = (layout(), Recorded::default());
         let stretch = stretch(&layout, count);

@@ -1,4 +1,4 @@
-//! Checkpoint that a run continued from and those that it made, as reported in its summary.
+//! Checkpoint from which a run continued and those that it made, as reported in its summary.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use crate::results::restoration::Check;
 
-/// Fact that lists the faults which began before a checkpoint and continued with different magnitudes.
+/// Fact that lists the faults that began before a checkpoint and continued with different magnitudes.
 pub const CHANGED_FAULTS: &str = "changed_faults";
 
 /// Fact that states whether the state of the checkpoint restores exactly.
@@ -27,9 +27,9 @@ pub fn first_step(reader: &RunReader) -> u64 {
 pub struct MadeCheckpoint {
     pub step: u64,
     pub(crate) time_s: f64,
-    /// Path of its folder, relative to that of the run.
+    /// Path of the checkpoint's folder, relative to the run's folder.
     pub folder: String,
-    /// Check that its state restores exactly; null if none was made.
+    /// Check that the checkpoint's state restores exactly; null if none was made.
     pub check: Option<Check>,
 }
 
@@ -47,21 +47,21 @@ impl MadeCheckpoint {
     }
 }
 
-/// Checkpoint that a run continued from.
+/// Checkpoint from which a run continued.
 #[derive(Clone, Debug, Serialize)]
 pub struct Resumed {
-    /// Path of its folder.
+    /// Path of the checkpoint's folder.
     pub checkpoint: String,
-    /// Session that made it.
+    /// Session that made the checkpoint.
     pub session: String,
     /// First step of this run; earlier records belong to the other run.
     pub step: u64,
     pub time_s: f64,
-    /// Digest of the records before it.
+    /// Digest of the records before that step.
     pub digest: String,
-    /// Check that its state restores exactly; null if none was made.
+    /// Check that the checkpoint's state restores exactly; null if none was made.
     pub check: Option<Check>,
-    /// Faults that had begun and continued with other sizes.
+    /// Faults that had begun and continued with other magnitudes.
     pub changed_faults: Vec<u32>,
 }
 

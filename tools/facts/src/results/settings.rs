@@ -9,20 +9,20 @@ use shared_types::wait::WaitStrategy;
 pub struct Realtime {
     /// Strategy with which the sides waited for each other.
     pub wait: WaitStrategy,
-    /// The plant's loop; in a run in one process, that of both sides. Null if it never began.
+    /// The plant's loop, or the common loop of a run in one process. Null if it never began.
     pub plant: Option<Report>,
-    /// The controller's loop; null if it never began or has none of its own.
+    /// The controller's loop; null if it never began, or if the controller has none of its own.
     pub controller: Option<Report>,
     /// The recorder.
     pub recorder: Recorder,
-    /// Limit of the wake-up time of a core in us; null for no limit set by hil.
+    /// Limit of the wake-up time of a core in us; null if hil set no limit.
     pub dma_latency_us: Granted<Option<u32>>,
 }
 
 /// Settings of the recorder's thread.
 #[derive(Clone, Debug, Serialize)]
 pub struct Recorder {
-    /// The only core that it may use; null for several.
+    /// Only core that the thread may use; null if there are several.
     pub core: Granted<Option<u32>>,
 }
 

@@ -54,7 +54,7 @@ pub struct Summary {
     clock: &'static str,
     /// Overruns; null in lockstep.
     overruns: Option<Overruns>,
-    /// Missed commands; null unless the run was in real time or repeats one that was.
+    /// Missed commands; null unless the run was in real time or repeats a real-time run.
     missed_commands: Option<Missed>,
     rate_hz: f64,
     pub steps: u64,
@@ -73,7 +73,7 @@ pub struct Summary {
     /// Grade of the loop; null if nothing was exchanged.
     grade: Option<Graded>,
     realtime: Realtime,
-    /// Contention; null if nothing was run here, or a side was started by hand.
+    /// Contention; null if nothing was run here, or if a side was started by hand.
     pub company: Option<Company>,
     recording: Recording,
     rejected_frames: u64,
@@ -89,13 +89,13 @@ pub struct Summary {
     changes: Vec<ChangeAt>,
     /// Marks set by observers.
     marks: Vec<MarkAt>,
-    /// All controllers, if the first was lost or replaced.
+    /// All controllers, if the first one was lost or replaced.
     controllers: Vec<ActiveController>,
     plant: Program,
     seed: u64,
     #[serde(skip)]
     laws: Laws,
-    /// Checkpoint that the run continued from; null if the run began at step 0.
+    /// Checkpoint from which the run continued; null if the run began at step 0.
     pub resumed: Option<Resumed>,
     /// Checkpoints made by the run.
     pub checkpoints: Vec<MadeCheckpoint>,
@@ -163,9 +163,9 @@ struct Recording {
     records: u64,
     /// Number of records covered by the digest; 0 without one.
     digested: u64,
-    /// Number of records in the file: fewer if only a selection was recorded, or writing failed.
+    /// Number of records in the file: fewer if only a selection was recorded, or if writing failed.
     kept: u64,
-    /// Reason that the file lacks the rest, if it could not be written.
+    /// Reason why the file lacks the rest, if it could not be written.
     cut_short: Option<String>,
     lost: u64,
     /// Data not covered by checksums when the file was recovered; null if there is none.
@@ -176,10 +176,10 @@ struct Recording {
 struct Program {
     binary: String,
     blake3: String,
-    /// Hash of the program that runs it, if it is an FMU.
+    /// Hash of the program that runs the file, if the file is an FMU.
     #[serde(skip_serializing_if = "Option::is_none")]
     host_blake3: Option<String>,
-    /// Source that it was built from; null if its build recorded none.
+    /// Source from which the binary was built; null if its build recorded none.
     build: Option<Build>,
 }
 
@@ -189,7 +189,7 @@ pub(crate) struct ChangeAt {
     #[serde(flatten)]
     change: ValueChange,
     at_s: f64,
-    /// Keys of parameters that cannot be read back from the model: nothing confirms their change.
+    /// Keys of parameters that cannot be read back from the model, so that their change remains unconfirmed.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     unconfirmed: Vec<String>,
 }

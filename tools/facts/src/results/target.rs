@@ -1,4 +1,4 @@
-//! Machine that ran a run's controller, if that was another.
+//! Machine that ran a run's controller, if another.
 
 use std::fmt;
 
@@ -26,11 +26,11 @@ pub struct Target {
     most_priority: u32,
     /// Free bytes in the target's `/dev/shm` before the run; null if unknown.
     free_bytes: Option<u64>,
-    /// `true` if another build of the controller ran there, and commit and lock file of both are known to be equal;
-    /// null if it was the same file or if that cannot be determined.
+    /// `true` if another build of the controller ran there, and both builds are known to have the same commit and lock
+    /// file; null if the file was the same or if this cannot be determined.
     same_source: Option<bool>,
-    /// Number of times that the target's output was switched to the safe command because samples were missing, as
-    /// far as the desk received reports; null if only the recording is available, which has each as a mark.
+    /// Number of times that the target's output was switched to the safe command because samples were missing, as far
+    /// as the desk received reports; null if only the recording is available, where each switch is a mark.
     pub safe_switches: Option<u32>,
 }
 

@@ -6,10 +6,10 @@ use shared_types::live::{Request, Response, Status};
 use crate::arguments::SessionChoice;
 use crate::session::live;
 
-/// Sends a request that is answered with the run's status, and prints the answer.
+/// Sends a request whose response is the run's status, and prints the response.
 ///
 /// # Errors
-/// If there is no session to ask, or it does not answer.
+/// If there is no session to ask, or the session does not respond.
 pub fn clock(choice: &SessionChoice, request: &Request) -> Result<Exit, Failure> {
     live::tell_answer(choice, request, |answer| match answer {
         Response::Status(status) => Some(format!("{}\n", describe(status))),

@@ -1,7 +1,7 @@
 //! Account of a session: every reported event of its run, once and in order.
 //!
 //! The recorder, which loses no event, records each one, and the `hil` that runs the session sends the account to
-//! clients that [ask](super::standing): an observer receives only the events after it joined.
+//! clients that [ask](super::standing) for it: an observer receives only the events after it joined.
 
 use serde::{Deserialize, Serialize};
 use shared_types::record::{ControllerFate, Event};

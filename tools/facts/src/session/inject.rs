@@ -1,7 +1,7 @@
 //! `hil inject`: faults in a running session.
 //!
-//! The words become the text of a request; the plant checks it like a fault of a scenario and answers with the step
-//! at which it takes hold. A listing shows the possible faults.
+//! The words become the text of a request. The plant checks the request like a fault of a scenario and answers with the
+//! step at which the fault takes effect. A listing shows the possible faults.
 
 mod listing;
 mod request;
@@ -117,9 +117,9 @@ fn injected(fault: &Injected) -> String {
     } = fault;
     match (effective_step, effective_at_s) {
         (Some(step), Some(at_s)) => {
-            format!("fault {id} {kind} takes hold at step {step} ({at_s} s)\n")
+            format!("fault {id} {kind} takes effect at step {step} ({at_s} s)\n")
         }
-        (Some(step), None) => format!("fault {id} {kind} takes hold at step {step}\n"),
+        (Some(step), None) => format!("fault {id} {kind} takes effect at step {step}\n"),
         (None, _) => {
             let waits_for = waits_for.as_deref().unwrap_or("its trigger");
             format!("fault {id} {kind} waits for {waits_for}\n")
@@ -190,7 +190,7 @@ mod tests {
             ],
         };
         let expected = "\
-fault 3 bias takes hold at step 12345 (1.2345 s)
+fault 3 bias takes effect at step 12345 (1.2345 s)
 fault 4 bias waits for `truth.x_m > 1`
 ";
         assert_eq!(describe(&answer).expect("an answer"), expected);

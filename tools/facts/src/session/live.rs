@@ -1,6 +1,6 @@
 //! A running session as seen from another terminal: selection, requests and refusals.
 //!
-//! Used by every command and view that queries a running session. Talks to the plant's socket only; the loop is not
+//! Used by every command and view that queries a running session. Uses only the plant's socket; the loop is not
 //! affected.
 
 use std::fmt::Write as _;
@@ -16,11 +16,11 @@ use shared_types::table::{listed, nearest};
 use crate::arguments::SessionChoice;
 use crate::session::observer::Notice;
 
-/// Time limit for the plant's answer: longer than the plant waits for its own loop.
+/// Time limit for the plant's answer: longer than the plant's wait for its own loop.
 const ANSWER_LIMIT: Duration = Duration::from_secs(20);
 /// Time limit for a live session to start listening.
 const START_LIMIT: Duration = Duration::from_secs(2);
-/// Polling interval for its socket.
+/// Polling interval for the session's socket.
 const LOOK: Duration = Duration::from_millis(10);
 
 /// Error of a request.
@@ -68,7 +68,7 @@ impl RequestError {
 /// unexpected answer.
 ///
 /// # Errors
-/// If there is no session, or it refuses the request or does not answer.
+/// If there is no session, or the session refuses the request or does not answer.
 pub(crate) fn tell_answer(
     choice: &SessionChoice,
     request: &Request,
@@ -120,7 +120,7 @@ pub fn refused_text(problems: &[Refusal]) -> String {
 /// Formats an answer as a line of JSON.
 ///
 /// # Errors
-/// If it cannot be serialised.
+/// If the answer cannot be serialised.
 pub fn to_json(answer: &impl serde::Serialize) -> Result<String, Failure> {
     let json = serde_json::to_string(answer).map_err(Failure::infrastructure)?;
     Ok(json + "\n")
@@ -196,7 +196,7 @@ fn describe(session: &SessionInfo) -> String {
 /// Sends a request to a session. A session that is starting is given a moment.
 ///
 /// # Errors
-/// If it refuses, has ended or does not answer.
+/// If the session refuses, has ended or does not answer.
 pub fn ask(session: &SessionInfo, request: &Request) -> Result<Response, RequestError> {
     let since = Instant::now();
     loop {
@@ -228,7 +228,7 @@ fn ended(session: &SessionInfo, error: &LiveError) -> Refusal {
         LiveError::Absent(_) => format!("session `{name}` has ended"),
         _ => format!("session `{name}` ended before it answered"),
     };
-    let expected = "a running session; one started with --pause-at TIME waits";
+    let expected = "a running session; start one with --pause-at TIME to have it wait";
     refusal("session", message, expected.into())
 }
 

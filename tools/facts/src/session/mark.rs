@@ -9,7 +9,7 @@ use crate::session::live;
 /// Sets a mark before the session's next step, and prints the step.
 ///
 /// # Errors
-/// If there is no session, or it refuses the mark.
+/// If there is no session, or the session refuses the mark.
 pub fn mark(arguments: &MarkArguments) -> Result<Exit, Failure> {
     let request = Request::Mark {
         text: arguments.text.clone(),

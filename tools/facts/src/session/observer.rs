@@ -1,8 +1,8 @@
 //! Observation of a session from outside: its records and events as they arrive.
 //!
-//! Used by `hil monitor`, `panel` and `watch`. Passive: it gives no credit, so the loop never waits for it; records
-//! that it is too slow for are lost and counted. It attaches beside the recorder, never in its place, and leaves
-//! nothing in shared memory. Sends no requests.
+//! Used by `hil monitor`, `panel` and `watch`. An observer is passive: it gives no credit, so the loop never waits for
+//! it, and if it is too slow it loses records and counts them. It attaches in addition to the recorder, never in its
+//! place, leaves nothing in shared memory, and sends no requests.
 
 use std::time::Duration;
 
@@ -24,11 +24,11 @@ use crate::programs::checked::checked;
 const FILE: &str = "run.json";
 /// File in the session's folder that admits observers, with the layout of the records.
 const ADMITTED: &str = "admitted.json";
-/// Minimum and maximum sleep between two reads of the stream. The minimum empties it often enough for the fastest
-/// loop; the maximum is still imperceptible on a screen.
+/// Minimum and maximum sleep between two reads of the stream. The minimum empties the stream often enough for the
+/// fastest loop; the maximum is still imperceptible on a screen.
 const NAPS: [Duration; 2] = [Duration::from_millis(4), Duration::from_millis(32)];
-/// Maximum number of items per read, after which the next read follows at once and reads become more frequent; with
-/// fewer than an eighth of it, reads become less frequent.
+/// Maximum number of items per read. After a full read the next one follows at once and reads become more frequent;
+/// with fewer than an eighth of this number, reads become less frequent.
 const MANY: usize = BUFFER / 8;
 
 /// Notice of a session for its observers.
@@ -38,9 +38,9 @@ pub struct Notice {
     pub is_in_process: bool,
     /// Complete scenario.
     pub scenario: String,
-    /// Description of the plant; for a run in one process only its name.
+    /// Description of the plant; only its name for a run in one process.
     pub plant: Description,
-    /// Description of the controller; for a run in one process only its name.
+    /// Description of the controller; only its name for a run in one process.
     pub controller: Description,
 }
 
@@ -92,15 +92,15 @@ impl Notice {
     /// Returns the checked scenario.
     ///
     /// # Errors
-    /// If it does not fit the descriptions of plant and controller.
+    /// If the scenario does not fit the descriptions of plant and controller.
     pub fn plan(&self) -> Result<Plan, Failure> {
         let origin = "the running scenario".as_ref();
         checked(&self.scenario, origin, &self.plant, &self.controller)
     }
 }
 
-/// Admits observers to a session: the recorder is attached, and the stream was closed to other users. Not earlier,
-/// because iceoryx2 creates files for an attaching process that are briefly open.
+/// Admits observers to a session after the recorder is attached and the stream is closed to other users. Admission
+/// cannot be earlier, because iceoryx2 creates files for an attaching process that are briefly open.
 ///
 /// # Errors
 /// If the session's folder cannot be written.
@@ -133,7 +133,7 @@ pub struct Observer {
 }
 
 impl Observer {
-    /// Attaches to a session; `None` until it exchanges samples.
+    /// Attaches to a session; `None` until the session exchanges samples.
     ///
     /// # Errors
     /// If the session has the maximum number of observers, or shared memory cannot be used.
@@ -153,7 +153,7 @@ impl Observer {
             Ok(source) => observer.source = Some(source),
             Err(LinkError::Taken { .. }) => {
                 return Err(Failure::usage(format!(
-                    "session `{}` already has {WATCHERS} observers, the maximum",
+                    "session `{}` already has {WATCHERS} observers, which is the maximum; close one of them",
                     session.name
                 )));
             }
@@ -214,7 +214,7 @@ impl Observer {
         Ok(drained)
     }
 
-    /// Returns the sleep until the next read, adapted to the yield of the last ones.
+    /// Returns the sleep until the next read, adapted to the yield of the last reads.
     #[must_use]
     pub const fn nap(&self) -> Duration {
         if self.has_more {

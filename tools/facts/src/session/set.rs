@@ -12,7 +12,7 @@ use crate::session::live;
 /// Changes values, and prints the step of the change.
 ///
 /// # Errors
-/// If there is no session, or it refuses the change.
+/// If there is no session, or the session refuses the change.
 pub fn set(arguments: &SetArguments) -> Result<Exit, Failure> {
     let new = |(key, value): &(String, f64)| NewValue {
         key: key.clone(),

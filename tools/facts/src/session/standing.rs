@@ -1,9 +1,9 @@
 //! State of a running session's requirements, and its account of events, for observers.
 //!
-//! The `hil` that runs a session listens on a socket of its own. On request, the recorder, which judges every
-//! record from step 0 on, reports the state of each requirement, and the [account](super::happening) of events is
-//! sent: an observer that joined late could not know either. The loop is not involved; the recorder checks one
-//! atomic at each wake-up.
+//! The `hil` that runs a session listens on a socket of its own. On request, the recorder, which judges every record
+//! from step 0 on, reports the state of each requirement together with the [account](super::happening) of events,
+//! neither of which an observer that joined late could know. The loop is not involved; the recorder checks one atomic
+//! at each wake-up.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Sender, channel};
@@ -112,7 +112,7 @@ impl Board {
 /// Query.
 #[derive(Debug, Serialize, Deserialize)]
 struct Request {
-    /// Number of events of the account that the client has.
+    /// Number of events of the account that the client already has.
     #[serde(default)]
     after: usize,
 }
@@ -122,7 +122,7 @@ struct Request {
 pub struct Answer {
     /// State of each requirement; `None` if the recorder is busy or has ended.
     pub standings: Option<Vec<Standing>>,
-    /// Account after the events that the client has.
+    /// Account after the events that the client already has.
     #[serde(default)]
     pub account: Vec<Happening>,
 }
@@ -148,7 +148,7 @@ pub fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listening, Fai
 /// Queries the state of a session's requirements, with the account after the first `after` events.
 ///
 /// # Errors
-/// If nobody listens, for example in a session that is starting, or `hil` is stopped.
+/// If nobody listens, for example in a session that is starting, or if `hil` is stopped.
 pub fn ask(session: &SessionInfo, after: usize) -> Result<Answer, LiveError> {
     live::ask_at(session, SOCKET, &Request { after }, ASK_LIMIT)
 }

@@ -2,8 +2,8 @@
 //!
 //! `cargo bench -p hil-foreign --bench callbacks` compiles `examples/c-plant/pendulum.c`, loads it, and runs it
 //! alternately with the same plant in Rust, each through the engine's interface. Both must end with the same bits.
-//! The bench is in this package rather than in `tests`, because loading is unsafe. Without a C compiler it prints a
-//! note and exits.
+//! The bench is in this package rather than in `tests`, because loading is unsafe. Without a C compiler the bench
+//! prints a note and exits.
 
 use std::ffi::{CString, c_char, c_int, c_void};
 use std::hint::black_box;

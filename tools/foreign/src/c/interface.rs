@@ -144,7 +144,7 @@ pub struct Plant {
     pub measured: Rows<Signal>,
     /// Commands that the plant accepts.
     pub commands: Rows<Signal>,
-    /// Size of its state memory, in bytes.
+    /// Size of the plant's state memory, in bytes.
     pub size: usize,
     /// Initialises the state at step 0.
     pub start: Option<TakeRow>,
@@ -182,17 +182,17 @@ pub struct Controller {
     pub plant: *const c_char,
     /// Parameters.
     pub parameters: Rows<Parameter>,
-    /// Parameters of its model of the plant.
+    /// Parameters of the law's model of the plant.
     pub model: Rows<Parameter>,
-    /// Measured signals that it needs.
+    /// Measured signals that the law needs.
     pub measured: Rows<Signal>,
-    /// Reference signals that it needs.
+    /// Reference signals that the law needs.
     pub reference: Rows<Signal>,
-    /// Commands that it produces.
+    /// Commands that the law produces.
     pub commands: Rows<Signal>,
-    /// Internal signals that it exposes.
+    /// Internal signals that the law exposes.
     pub internals: Rows<Signal>,
-    /// Size of its state memory, in bytes.
+    /// Size of the law's state memory, in bytes.
     pub size: usize,
     /// Prepares for the first sample.
     pub start: Option<StartLaw>,
@@ -200,7 +200,7 @@ pub struct Controller {
     pub step: Option<Answer>,
     /// Applies new parameters.
     pub retune: Option<RetuneLaw>,
-    /// Sentence for users who tune it.
+    /// Sentence for users who tune the law.
     pub tuning: *const c_char,
     /// Size of a saved state, in bytes.
     pub saved_size: usize,

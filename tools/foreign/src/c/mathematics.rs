@@ -81,8 +81,8 @@ pub unsafe extern "C" fn hil_integrate(
     OK
 }
 
-/// Integrates a state padded with zeros; the method treats every component separately. The state is written only at
-/// the end, so the rates may read it.
+/// Integrates a state padded with zeros; the method treats every component separately. The state is written only at the
+/// end, so the rates may read it.
 ///
 /// # Safety
 /// `state` points to `count` numbers, at most `N`, and the rates read and write `count` numbers.

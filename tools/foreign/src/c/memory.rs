@@ -22,12 +22,12 @@ pub(super) struct Saving {
     pub(super) restore: Restore,
 }
 
-/// State memory with the callback that ends it. Initially zero, and aligned for any C type.
+/// State memory with the callback that ends its use. Initially zero, and aligned for any C type.
 #[derive(Debug)]
 pub(super) struct Memory {
     // Requested size, rounded up to whole words.
     words: Box<[u128]>,
-    /// Set once it has started.
+    /// Set once the plant or controller has started.
     pub(super) end: Option<End>,
 }
 

@@ -1,6 +1,6 @@
 //! Failure reasons that a callback passes before it returns an error status.
 //!
-//! A reason is stored per thread until the status is returned; it is never shown without one.
+//! A reason is stored for each thread until the status is returned, and is never shown without a status.
 
 use std::cell::RefCell;
 use std::ffi::{CStr, c_char, c_int};

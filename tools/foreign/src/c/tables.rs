@@ -36,10 +36,10 @@ pub(super) fn required<T>(callback: Option<T>, name: &str) -> Result<T, Invalid>
     callback.ok_or_else(|| Invalid(format!("the callback `{name}` is missing")))
 }
 
-/// Returns the callbacks for checkpoints, which must be given completely or not at all.
+/// Returns the callbacks for checkpoints, all of which must be given or none.
 ///
 /// # Errors
-/// If one of them is missing.
+/// If some are given and others are missing.
 pub(super) fn saving(
     size: usize,
     save: Option<Save>,

@@ -2,7 +2,7 @@
 //!
 //! The whole list of entries is checked before any of them is read. Refused with a reason: paths that leave the
 //! archive or are ambiguous, links and devices, encryption, overlapping entries, and more entries or content than the
-//! [`Limits`] allow. Content is unpacked into memory of the listed size and compared with its check sum. Only
+//! [`Limits`] allow. Content is unpacked into memory of the listed size and compared with its checksum. Only
 //! [`Archive::extract`] writes files, into an existing folder.
 
 use std::collections::{BTreeMap, BTreeSet};

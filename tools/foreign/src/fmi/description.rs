@@ -92,7 +92,7 @@ pub struct ModelDescription {
     pub notes: Vec<String>,
 }
 
-/// Default experiment, as far as it is declared.
+/// Default experiment, as far as declared.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Experiment {
     /// Start time, in s.
@@ -129,7 +129,7 @@ pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"]
 pub struct Dependency {
     /// Value reference of the output.
     pub output: u32,
-    /// Value references of the variables it depends on; `None` for all.
+    /// Value references of the variables on which the output depends; `None` for all variables.
     pub on: Option<Vec<u32>>,
 }
 
@@ -250,7 +250,7 @@ pub enum Initial {
     Calculated,
 }
 
-/// Reference of a variable whose own is missing or of another one: it is no other name of anything.
+/// Reference of a variable that has none or has that of another variable; such a variable is not an alias.
 pub const UNREFERENCED: u32 = u32::MAX;
 
 /// Variable of a model description.
@@ -284,7 +284,7 @@ pub struct Variable {
     pub unusable: Option<String>,
     /// Unit.
     pub unit: Option<String>,
-    /// Set if it is a difference of two values, whose unit converts without an offset.
+    /// Set if the value is a difference, whose unit converts without an offset.
     pub is_difference: bool,
     /// Smallest allowed value.
     pub min: Option<f64>,
@@ -302,8 +302,8 @@ impl Variable {
         items.join(", ")
     }
 
-    /// Returns the smallest and largest value allowed by its type and its own bounds. Bounds in the wrong order are
-    /// ignored.
+    /// Returns the smallest and largest value allowed by the variable's type and its own bounds. Bounds in the wrong
+    /// order are ignored.
     #[must_use]
     pub fn bounds(&self) -> (f64, f64) {
         let (low, high) = (self.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
@@ -313,7 +313,7 @@ impl Variable {
         (min.unwrap_or(low), max.unwrap_or(high))
     }
 
-    /// Returns `true` if it is a number and a parameter whose value the model does not tell.
+    /// Returns `true` for a numeric parameter whose value the model does not state.
     #[must_use]
     pub fn lacks_start(&self) -> bool {
         let has_start = self.is_resized || self.start.len() == self.elements();

@@ -66,11 +66,11 @@ pub(super) struct Instance {
     tuned: Vec<f64>,
     wanted: Vec<f64>,
     unconfirmed: Unconfirmed,
-    /// First parameter that the FMU has at its start with another value than it was set to.
+    /// First parameter whose value at the FMU's start differs from the value that was set.
     other_start: Option<String>,
     inputs: Values,
     outputs: Values,
-    /// Latest values of outputs, then of local signals.
+    /// Latest values of outputs, followed by those of local signals.
     signals: Vec<f64>,
     // The library holds pointers to both until the instance is freed.
     journal: Arc<Journal>,
@@ -180,7 +180,7 @@ impl Instance {
         self.confirm_all(parameters)
     }
 
-    /// Enables messages about all errors, if the library distinguishes them from others.
+    /// Enables messages about all errors, if the library distinguishes them from other messages.
     fn ask_for_messages(&self) -> Result<(), Failure> {
         let all = self.model.description.categories.iter();
         let wrong = all.filter(|name| name.starts_with("logStatus"));
@@ -211,27 +211,27 @@ impl Instance {
         &self.model
     }
 
-    /// Returns the latest values of outputs, then of local signals.
+    /// Returns the latest values of outputs, followed by those of local signals.
     pub(super) fn signals(&self) -> &[f64] {
         &self.signals
     }
 
-    /// Checks that the instance began with the parameters that it was started with.
+    /// Checks that the instance began with the parameters with which it was started.
     ///
     /// # Errors
-    /// The first one of another value.
+    /// The first parameter with another value.
     pub(super) fn check_start(&self) -> Result<(), Invalid> {
         self.other_start
             .clone()
             .map_or(Ok(()), |why| Err(Invalid(why)))
     }
 
-    /// Names of the parameters that the library does not let be read.
+    /// Returns the names of the parameters that cannot be read back from the library.
     pub(super) fn unreadable(&self) -> Vec<String> {
         self.unconfirmed.names()
     }
 
-    /// Accepts a row of all parameters; tunable ones take effect from the next step on.
+    /// Accepts a row of all parameters; tunable parameters take effect from the next step on.
     pub(super) fn retune(&mut self, parameters: &[f64]) {
         for (wanted, &place) in self.wanted.iter_mut().zip(&self.tunable_places) {
             *wanted = parameters[place];
@@ -395,6 +395,6 @@ pub(super) fn check_period(model: &Model, period_s: f64, key: &str) -> Result<()
     }
     let rate_hz = 1.0 / own_s;
     Err(Invalid(format!(
-        "the FMU's fixed step of {own_s} s does not divide the {period_s} s between two samples; {key} must be {rate_hz} divided by an integer"
+        "the FMU's fixed step of {own_s} s does not divide the {period_s} s between two samples; set {key} to {rate_hz} divided by an integer"
     )))
 }

@@ -1,8 +1,7 @@
-//! Messages of an FMU: each is written to the log, and the last one is retained as the reason of an end.
+//! Messages of an FMU: each is written to the log, and the last is retained as the reason for an end.
 //!
 //! The library may call back from any thread. A callback never panics, never calls the library and never trusts a
-//! pointer: for an invalid environment, and some libraries pass a constant, it uses the journal of the newest
-//! instance.
+//! pointer: for an invalid environment (some libraries pass a constant), it uses the journal of the newest instance.
 
 use std::ffi::{CStr, c_char, c_int, c_void};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
@@ -34,7 +33,7 @@ impl Journal {
         journal
     }
 
-    /// Returns the journal at an address, or else the newest one.
+    /// Returns the journal at an address, or else the newest journal.
     fn at(address: *const c_void) -> Option<Arc<Self>> {
         let journals = journals();
         let is_here = |journal: &&Weak<Self>| journal.as_ptr().cast() == address;
@@ -94,15 +93,15 @@ pub(super) unsafe extern "C" fn log_three(
 
 /// Logger of FMI 2, whose type in C is variadic: `(void*, const char*, int, const char*, const char*, ...)`.
 ///
-/// Stable Rust can call a variadic function but cannot define one. This function takes the fixed arguments and
-/// ignores the rest, so a message with `%d` is shown with the placeholder. The first variadic argument is in the
-/// position of a sixth fixed argument and is shown if the first placeholder is `%s`, which suffices for many tools.
-/// If the caller passes only five, that position contains an arbitrary number, so it is treated as an address only
-/// for that placeholder, and read by a system call that fails for invalid addresses. The function may be called as a
-/// variadic one: in the System V ABI of x86-64 (section 3.5.7) and in the procedure call standard of ARM for 64 bits
-/// (AAPCS64, section 6.8.2), named arguments of a variadic call are passed like those of any other, the caller cleans
-/// up the stack, and the additional information (in `al`, the number of vector registers used) is passed in a
-/// caller-saved register.
+/// Stable Rust can call a variadic function but cannot define one. This function takes the fixed arguments and ignores
+/// the rest, so a message with `%d` is shown with the placeholder. The first variadic argument is in the position of a
+/// sixth fixed argument and is shown if the first placeholder is `%s`, which suffices for many tools. If the caller
+/// passes only five, that position contains an arbitrary number, so the number is treated as an address only for that
+/// placeholder, and read by a system call that fails for invalid addresses. The function may be called as a variadic
+/// one: in the System V ABI of x86-64 (section 3.5.7) and in the procedure call standard of ARM for 64 bits (AAPCS64,
+/// section 6.8.2), named arguments of a variadic call are passed like those of any other, the caller cleans up the
+/// stack, and the additional information (in `al`, the number of vector registers used) is passed in a caller-saved
+/// register.
 ///
 /// # Safety
 /// See [`log_three`].
@@ -155,7 +154,7 @@ fn first_text_mark(format: &str) -> Option<usize> {
 }
 
 /// Reads the text at an address of this process, truncated to the maximum length; `None` if there is none. The kernel
-/// copies it, so an invalid address causes no crash.
+/// copies the text, so an invalid address causes no crash.
 fn text_at(address: usize) -> Option<String> {
     /// Smallest page size: readable memory ends at a page boundary.
     const PAGE: usize = 4096;

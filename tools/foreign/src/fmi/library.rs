@@ -1,7 +1,7 @@
 //! The shared library of an FMU and its functions, looked up by name.
 //!
-//! The library runs in this process: it may crash it, exit or never return. This module checks as much as possible in
-//! advance: that every function that will be called exists, and that the library has the version that the model
+//! The library runs in this process, which it may crash, exit or block for ever. This module checks as much as possible
+//! in advance: that every function that will be called exists, and that the library has the version that the model
 //! description declares.
 
 use std::collections::BTreeMap;
@@ -32,7 +32,7 @@ pub enum LibraryError {
     #[error("its library has no function `{0}`")]
     Missing(String),
     /// The versions of library and model description differ.
-    #[error("its library is of FMI {library}, its model description of {description}")]
+    #[error("its library uses FMI {library}, but its model description uses {description}")]
     Version {
         /// Version that the library reports.
         library: String,
@@ -178,11 +178,12 @@ pub(super) struct Functions {
 }
 
 impl Functions {
-    /// Loads a library, for variables of these types. It is never unloaded, because a thread that it started could
-    /// still be running. If it needs its tool, its symbols become available to all libraries that it loads.
+    /// Loads a library, for variables of these types. The library is never unloaded, because a thread that it started
+    /// could still be running. If the library needs its tool, its symbols become available to all libraries that it
+    /// loads.
     ///
     /// # Errors
-    /// If it cannot be loaded, has another version or lacks a function.
+    /// If the library cannot be loaded, has another version or lacks a function.
     pub(super) fn load(
         path: &Path,
         version: Version,

@@ -8,8 +8,8 @@
 //!    messages.
 //! 4. [`sides`] turns the FMU into a plant or a law for the program `hil-fmu`.
 //!
-//! An FMU is third-party native code. It runs in its own process, so that a crash is reported as the loss of that
-//! side; it is not restricted beyond the rights of the user.
+//! An FMU is third-party native code. It runs in its own process, so that a crash is reported as the loss of that side;
+//! apart from that, it has all the rights of the user.
 
 use std::collections::BTreeSet;
 use std::os::unix::fs::OpenOptionsExt;
@@ -65,7 +65,7 @@ pub enum FmuError {
     },
     /// Requires the user's permission.
     #[error(
-        "{reason}; `{key} = true` in the scenario runs it nevertheless, and --{} describes it",
+        "{reason}; set `{key} = true` in the scenario to run it nevertheless, or pass --{} to describe it",
         flag(key)
     )]
     Forbidden {
@@ -127,9 +127,9 @@ impl Permissions {
 /// Description and tables of an FMU.
 #[derive(Debug)]
 pub struct Model {
-    /// The description as the FMU has it.
+    /// The description in the form that the FMU provides.
     pub description: ModelDescription,
-    /// Signals and parameters derived from it.
+    /// Signals and parameters derived from the description.
     pub tables: Tables,
     /// Start settings of its instances.
     start: Start,
@@ -240,7 +240,7 @@ impl Fmu {
     /// Loads the library to list its dependencies and the missing ones.
     ///
     /// # Errors
-    /// If it cannot be unpacked.
+    /// If the library cannot be unpacked.
     pub fn needs(&self) -> Result<LibraryNeeds, FmuError> {
         let unpacked = self.unpack()?;
         let description = &self.model.description;
@@ -299,16 +299,16 @@ impl Fmu {
     }
 }
 
-/// Marks this process as one that only tries an FMU: a crash while freeing an instance without a step is no failure
-/// then.
+/// Marks this process as one that only tries an FMU: a crash while freeing an instance without a step does not count as
+/// a failure.
 pub fn begin_trial() {
     crate::crash::begin_trial();
 }
 
-/// Keeps the name of the call that is going on in a session's folder, where `hil` finds it if this process is killed.
+/// Stores the name of the current call in a session's folder, where `hil` finds it if this process is killed.
 ///
 /// # Errors
-/// If there is no room for it.
+/// If there is no room for the name.
 pub fn share_calls(folder: &Path) -> std::io::Result<()> {
     let path = program::call_file(folder, std::process::id());
     let mut options = std::fs::OpenOptions::new();
@@ -316,13 +316,13 @@ pub fn share_calls(folder: &Path) -> std::io::Result<()> {
     crate::crash::share(&options.open(path)?)
 }
 
-/// Says on standard output that a trial was done to its end, which an FMU may keep from coming by ending the process.
+/// Prints on standard output that a trial was completed, which an FMU may prevent by ending the process.
 pub fn end_trial() {
     crate::crash::say_checked();
 }
 
-/// Ends this process without running exit handlers: an interpreter embedded in an FMU would tear itself down there
-/// while its extensions still use it, so that a complete run would end in a crash.
+/// Ends this process without running exit handlers: an interpreter embedded in an FMU would shut down there while its
+/// extensions still use it, so that a complete run would end in a crash.
 pub fn leave(code: u8) -> ! {
     // SAFETY: flushes all streams of the C library and ends the process.
     unsafe {

@@ -19,23 +19,23 @@ pub(super) fn is_input(variable: &Variable) -> bool {
 /// If the variable has no settable initial value; the text is the reason.
 pub(super) fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
     if variable.unusable.is_some() {
-        return Err("cannot be read from the model description");
+        return Err("cannot be read from the model description, so its value cannot be set");
     }
     if variable.is_clocked {
         return Err("has a clock");
     }
     match (variable.causality, variable.initial) {
         (Causality::Parameter, _) if variable.lacks_start() && !variable.is_constant => Ok(()),
-        (Causality::Parameter, _) => Err("is a parameter, which `parameters` sets"),
+        (Causality::Parameter, _) => Err("is a parameter; set it in `parameters`"),
         (Causality::StructuralParameter, _) => {
-            Err("is a structural parameter, which `structural` sets")
+            Err("is a structural parameter; set it in `structural`")
         }
-        (Causality::Independent, _) => Err("is the time, which `start_time_s` sets"),
+        (Causality::Independent, _) => Err("is the time; set its start with `start_time_s`"),
         _ if variable.is_constant => Err("is constant"),
         (Causality::Input, _) | (_, Initial::Exact | Initial::Approx) => Ok(()),
-        (_, Initial::Calculated) => {
-            Err("is calculated by the FMU (its `initial` is neither exact nor approx)")
-        }
+        (_, Initial::Calculated) => Err(
+            "is calculated by the FMU and cannot be set (its `initial` is neither exact nor approx)",
+        ),
     }
 }
 

@@ -1,7 +1,8 @@
 //! Start of an instance: settings of the scenario that apply before or during initialisation, other than parameters.
 //!
 //! Names may be those of the FMU or the corresponding names here. A variable may be set where the standard allows it:
-//! inputs, variables whose `initial` is `exact` or `approx`, and parameters without a start value, which have no column.
+//! inputs, variables whose `initial` is `exact` or `approx`, and parameters without a start value, which have no
+//! column.
 
 use std::collections::BTreeMap;
 use std::ffi::CString;
@@ -55,7 +56,7 @@ impl Preset {
 }
 
 impl Start {
-    /// Builds the start from these settings; times and tolerance default to those of the model's default experiment.
+    /// Builds the start from these settings; missing times and tolerance are taken from the model's default experiment.
     ///
     /// # Errors
     /// If a name is unknown, a variable may not be set, or a value is invalid.
@@ -92,7 +93,7 @@ impl Start {
         }
     }
 
-    /// Checks the same for a step, since a law does not know the length of its run.
+    /// Checks the same for a step, because a law does not know the length of its run.
     ///
     /// # Errors
     /// If the step would end later.
@@ -161,7 +162,7 @@ fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Pr
             let value = value.or_else(|| variable.start.get(element).copied());
             let value = value.ok_or_else(|| {
                 Invalid(format!(
-                    "`initial.{name}` is missing: an array is set as a whole, and the FMU has no start value for it"
+                    "`initial.{name}` is missing: an array must be set as a whole, and the FMU has no start value for it"
                 ))
             })?;
             preset.push(place, element, &name, value);
@@ -257,7 +258,7 @@ fn unknown(key: &str, name: &str, known: &[&str]) -> Invalid {
         0 => "; none can be set".to_owned(),
         _ if !near.is_empty() => format!("; nearest: {}", listed(&near)),
         count if count <= MOST_LISTED => format!("; there are {}", listed(known)),
-        _ => "; `hil describe` lists them".to_owned(),
+        _ => "; list them with `hil describe`".to_owned(),
     };
     Invalid(format!(
         "`{key}.{name}` is not a variable of the FMU{advice}"

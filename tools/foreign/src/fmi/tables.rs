@@ -1,7 +1,7 @@
 //! Tables of an FMU: the mapping of variables to signals and parameters with their names, and the variables that are
 //! left out.
 //!
-//! The tables follow from the model description alone, so an FMU can be described without loading its library.
+//! The tables follow only from the model description, so an FMU can be described without loading its library.
 //! Variables keep their order; an array has one column per element, and is included or left out as a whole.
 
 use std::collections::BTreeSet;
@@ -40,7 +40,7 @@ pub struct Column {
 /// Columns of an FMU, by role.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tables {
-    /// Parameters; the tunable ones can be faulted.
+    /// Parameters, of which the tunable ones can be faulted.
     pub parameters: Vec<Column>,
     /// Inputs.
     pub inputs: Vec<Column>,
@@ -134,7 +134,7 @@ impl Tables {
         if let Some(place) = patterns.iter().zip(&matched).position(is_without) {
             let pattern = patterns[place].as_str();
             return Err(Invalid(format!(
-                "no inner signal of the FMU matches {pattern:?}; `hil describe` lists them"
+                "no inner signal of the FMU matches {pattern:?}; list them with `hil describe`"
             )));
         }
         tables.check_names(model)?;

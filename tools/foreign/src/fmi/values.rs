@@ -1,7 +1,7 @@
 //! Conversion of values between a row of numbers and the types of an FMU, with one call per type.
 //!
-//! All memory is allocated once. A number that cannot be passed exactly in either direction is an error that names
-//! the variable; nothing is rounded.
+//! All memory is allocated once. A number that cannot be passed exactly in either direction is an error that names the
+//! variable; nothing is rounded.
 
 use std::ffi::{c_int, c_void};
 
@@ -155,10 +155,10 @@ struct Group {
     kind: VariableType,
     references: Vec<u32>,
     places: Vec<usize>,
-    /// For each value the items of its enumeration; empty if any number of the type is valid.
+    /// For each value, the items of its enumeration; empty if any number of the type is valid.
     items: Vec<Vec<f64>>,
     buffer: Buffer,
-    /// Names of the functions that read and write them.
+    /// Names of the functions that read and write the variables.
     names: [&'static &'static str; 2],
 }
 
@@ -174,7 +174,7 @@ pub(super) struct Values {
 pub(super) enum Refused {
     /// Status returned by the library.
     Status(&'static str, Status),
-    /// Value that one of the representations lacks.
+    /// Value that has no counterpart in the other representation.
     Value(String),
 }
 
@@ -277,7 +277,7 @@ impl Values {
                     let (name, value) = (&self.names[place], row[place]);
                     let items = Variable::items_text(items);
                     return Err(Refused::Value(format!(
-                        "`{name}` is set to {value}, which is not an item of its enumeration; the items are {items}"
+                        "`{name}` is set to {value}, which is not an item of its enumeration; use one of {items}"
                     )));
                 }
                 if !group.buffer.set(index, row[place]) {

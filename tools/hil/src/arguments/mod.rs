@@ -220,7 +220,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
 ];
 
 impl CommandLine {
-    /// Parses the command line of this process; exits with a message if it is invalid.
+    /// Parses the command line of this process; exits with a message if the command line is invalid.
     #[must_use]
     pub fn of_process() -> Self {
         let typed = inject::arrange(std::env::args_os());

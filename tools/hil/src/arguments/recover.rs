@@ -11,7 +11,7 @@ Every whole record up to the point where the file was cut off is kept. The new f
 replaces the old one only when the new file is whole on the disk. A file that is whole
 is left alone. A folder without summary.json gets one. A file that is damaged before
 its end is recovered with -o FILE only: the records after the damage are given up.
-Records that no check sum covers, such as those of a torn chunk, are reported here and
+Records that no checksum covers, such as those of a torn chunk, are reported here and
 in the new file, and by every command that reads the new file.
 
 Exit codes: 0 the recording is whole, now or already; 2 nothing can be recovered,

@@ -2,7 +2,7 @@
 //! descriptions of programs.
 //!
 //! The shell's script calls `hil` for each completion ([`answered`]). Read-only: starts no run, leaves no files and
-//! never prints a message. A user's program is started to describe itself; the built-in ones are known.
+//! never prints a message. A user's program is started to describe itself; the built-in programs are known.
 
 mod candidates;
 mod line;
@@ -51,7 +51,7 @@ pub(crate) fn answered() -> bool {
     !matches!(answered, Ok(Ok(false)))
 }
 
-/// Returns the shell's completion script, which calls this program by name if it was started by name.
+/// Returns the shell's completion script, which calls this program by name if the program itself was started by name.
 pub(crate) fn script(shell: Shell) -> String {
     let called = std::env::args().next().unwrap_or_default();
     let path = std::env::current_exe()

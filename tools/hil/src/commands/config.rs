@@ -59,7 +59,7 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
     Ok(Exit::Pass)
 }
 
-/// The figures of a plan's instruments as text or JSON.
+/// Formats the figures of a plan's instruments as text or JSON.
 fn instruments(plan: &Plan, binaries: &Binaries, shown: &ShowArguments) -> Result<String, Failure> {
     let half_hz = plan.run.rate.hz() / 2.0;
     if let Some(hz) = (shown.at_hz.iter()).find(|hz| !(**hz > 0.0 && **hz <= half_hz)) {

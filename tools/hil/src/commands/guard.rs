@@ -1,8 +1,8 @@
-//! Guard of a run: a small process that maps no shared memory, starts `hil` again as its child, and reports the
-//! outcome of the run if the child is killed.
+//! Guard of a run: a small process that maps no shared memory, restarts `hil` as its child, and reports the outcome of
+//! the run if the child is killed.
 //!
 //! A plant or controller can corrupt the memory that it shares with `hil`, so that a library ends the process by a
-//! signal that it cannot survive; the kernel kills it when memory runs out. The guard outlives both:
+//! signal that it cannot survive; the kernel also kills the process when memory runs out. The guard survives both:
 //!
 //! 1. It forwards the signals it receives and stops with its child, so that terminals, shells and scripts see one
 //!    process. Descriptors, process group and arguments are the same; the exit code is the child's.
@@ -50,7 +50,7 @@ const INTERRUPTIONS: [Signal; 3] = [Signal::SIGINT, Signal::SIGTERM, Signal::SIG
 
 /// Returns `true` if a command maps shared memory that a user's program can write to.
 ///
-/// Workers of a campaign are children already, and commands that only watch a session own nothing they could leave
+/// Workers of a campaign already are children, and commands that only watch a session own nothing that they could leave
 /// behind.
 pub(super) fn is_needed(command: &Command) -> bool {
     let link = match command {
@@ -66,7 +66,7 @@ pub(super) fn is_needed(command: &Command) -> bool {
     link == LinkKind::Iceoryx2
 }
 
-/// Returns `true` if this process has a guard, and makes the kernel kill it when the guard dies.
+/// Returns `true` if this process has a guard, and makes the kernel kill the process when the guard dies.
 pub(super) fn is_there() -> bool {
     let Ok(guard) = std::env::var(GUARD) else {
         return false;
@@ -190,7 +190,7 @@ impl Guard {
         }
     }
 
-    /// Returns the runs that were begun with their summaries, and writes the missing ones.
+    /// Returns the runs that were begun together with their summaries, and writes the missing summaries.
     fn summarise(&self, reason: &str, end: End) -> Vec<suite::lost::LostRun> {
         let mut all = Vec::new();
         for run in begun::read(&self.list) {
@@ -212,7 +212,7 @@ impl Guard {
         all
     }
 
-    /// Reports how the child ended, and writes what it could not write itself.
+    /// Reports how the child ended, and writes the results that the child could not write.
     fn report(&self, command: &Command, signal: c_int) -> Result<(), Failure> {
         let name = signal_name(signal).unwrap_or("a signal");
         let reason = format!("hil was killed by {name} ({signal})");
@@ -244,9 +244,11 @@ const fn cause(signal: c_int) -> &'static str {
             "shared memory became inaccessible: a file of the session in /dev/shm was truncated, or /dev/shm is full"
         }
         SIGSEGV | SIGABRT => {
-            "a plant or controller that writes over the memory that it shares with hil does this; look for a wild pointer in one that is not of safe Rust"
+            "a plant or controller can cause this by overwriting the memory that it shares with hil; look for a wild pointer in code that is not safe Rust"
         }
-        SIGKILL => "by a user, or by the kernel because memory ran out; see `sudo dmesg`",
-        _ => "by a user, or by a limit of the system",
+        SIGKILL => {
+            "it was killed by a user, or by the kernel because memory ran out; see `sudo dmesg`"
+        }
+        _ => "it was killed by a user, or by a limit of the system; see `ulimit -a`",
     }
 }

@@ -1,6 +1,6 @@
-//! Dispatch of each verb to its package, and the verbs without one: config, controller swap, describe, new,
-//! recover, runs, sessions, target and completions; also the [guard] of verbs that share memory with programs of
-//! others. No other package calls them.
+//! Dispatch of each verb to its package, and the verbs without one: config, controller swap, describe, new, recover,
+//! runs, sessions, target and completions; also the [guard] of verbs that share memory with programs of others. Called
+//! by no other package.
 
 pub(crate) mod completion;
 pub(crate) mod config;

@@ -86,7 +86,9 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let name = name(path)?;
     let path_text = path.display();
     if fs::symlink_metadata(path).is_ok() {
-        return Err(Failure::usage(format!("{path_text} already exists")));
+        return Err(Failure::usage(format!(
+            "{path_text} already exists; choose another folder"
+        )));
     }
     let cannot = |error: io::Error| Failure::usage(format!("cannot create {path_text}: {error}"));
     let parent = match path.parent() {
@@ -177,7 +179,9 @@ fn name(path: &Path) -> Result<&str, Failure> {
         )));
     }
     if RESERVED.contains(&name) {
-        return Err(Failure::usage(format!("`{name}` is reserved by Cargo")));
+        return Err(Failure::usage(format!(
+            "`{name}` is reserved by Cargo; choose another name"
+        )));
     }
     Ok(name)
 }
@@ -242,7 +246,7 @@ fn write(path: &Path, text: &str) -> io::Result<()> {
     fs::write(path, text)
 }
 
-/// Returns the folder of the framework: the one named, or an ancestor of this program.
+/// Returns the folder of the framework: the named folder, or an ancestor of this program.
 fn framework(named: Option<&Path>) -> Result<PathBuf, Failure> {
     let is_it = |folder: &Path| {
         let mut packages = PACKAGES.iter();
@@ -266,7 +270,7 @@ fn framework(named: Option<&Path>) -> Result<PathBuf, Failure> {
     let root = program.ancestors().find(|folder| is_it(folder));
     root.map(Into::into).ok_or_else(|| {
         Failure::usage(format!(
-            "{} is not inside a clone of the framework; pass one with --framework",
+            "{} is not inside a clone of the framework; name the clone with --framework",
             program.display()
         ))
     })

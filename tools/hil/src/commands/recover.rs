@@ -2,8 +2,8 @@
 //!
 //! 1. [`RecordedOutcome`] reads the recording as far as possible.
 //! 2. A complete recording is left alone. Otherwise every record up to the truncation is copied to a new file, with
-//!    indexes, checksums and the result of a run that ended there. New checksums prove nothing about old content:
-//!    the new file marks all data that no checksum of the old one covered.
+//!    indexes, checksums and the result of a run that ended there. New checksums prove nothing about old content, so
+//!    the new file marks all data that no checksum of the old file covered.
 //! 3. The new file replaces the old one only once it is complete on disk.
 //! 4. A folder without `summary.json` gets one; a summary written by the guard of a killed `hil` is replaced.
 //!
@@ -47,7 +47,7 @@ struct Recovered {
     vouched_records: u64,
     /// Description of the data not covered by checksums; null if everything is covered.
     unvouched: Option<String>,
-    /// Reason of the run's end; null if the recording contains it.
+    /// Reason why the run ended; null if the recording contains it.
     reason: Option<String>,
     /// Written summary; null if none was written.
     summary: Option<String>,
@@ -90,7 +90,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     if state != State::Whole {
         if outcome.messages == 0 {
             return Err(Failure::usage(format!(
-                "nothing can be recovered from {path_text}: it {}",
+                "nothing can be recovered from {path_text}: the recording {}",
                 match &outcome.damage {
                     Some(damage) => format!("has no record before the damage: {damage}"),
                     None => "breaks off before its first record".to_owned(),
@@ -161,7 +161,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
     })
 }
 
-/// Refuses a recording that is still being written: its writer holds a lock on it.
+/// Refuses a recording that is still being written, which its writer's lock shows.
 fn refuse_live(path: &Path) -> Result<(), Failure> {
     let folder = path.canonicalize();
     let folder = folder.as_deref().ok().and_then(Path::parent);
@@ -213,7 +213,7 @@ fn copy(
     part.complete(to, may_replace)
 }
 
-/// Writes the summary of a run that has none, or one without data of its recording.
+/// Writes the summary of a run that has none, or whose summary lacks data of its recording.
 fn summarise(
     outcome: RecordedOutcome,
     folder: &Path,

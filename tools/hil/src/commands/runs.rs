@@ -88,7 +88,7 @@ struct Run {
     bytes: u64,
 }
 
-/// Facts from a summary; missing or malformed ones are empty.
+/// Facts from a summary; missing or malformed facts are empty.
 #[derive(Default, Deserialize)]
 struct SummaryFacts {
     scenario: String,

@@ -14,15 +14,15 @@ use shared_types::live::Refusal;
 
 use crate::arguments::swap::SwapArguments;
 
-/// Time limit for `hil` to answer, in addition to that of the new controller: a stopped process never does.
+/// Time limit for `hil` to answer, in addition to that of the new controller, because a stopped process never answers.
 const ANSWER_LIMIT: Duration = Duration::from_secs(120);
-/// Parts of a swap that may take the wait limit, each: description, check and start.
+/// Number of parts of a swap that may each take the wait limit: description, check and start.
 const PARTS: f64 = 3.0;
 
 /// Runs the command.
 ///
 /// # Errors
-/// If there is no session, or it refuses.
+/// If there is no session, or the session refuses.
 pub(crate) fn swap(arguments: &SwapArguments) -> Result<Exit, Failure> {
     let json = arguments.session.json;
     let swapped = ask(arguments).map_err(|error| error.tell(json))?;

@@ -1,4 +1,4 @@
-//! `hil target`: checks and cleans the machines that controllers run on, and listens on one.
+//! `hil target`: checks and cleans the machines on which controllers run, and listens on such a machine.
 
 use hil_console::terminal::duration::shown_ns;
 use hil_console::terminal::exit::{Exit, Failure};

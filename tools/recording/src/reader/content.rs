@@ -1,8 +1,8 @@
 //! Reader of the records of an MCAP file, including those in its chunks.
 //!
-//! Used by the [run reader](super), and by `hil recover` to copy them. It reads files in any state: a truncated file
-//! is read up to the truncation, even inside its last chunk, and no memory is allocated for an impossible length.
-//! Every check sum is verified. The module knows nothing about runs.
+//! Used by the [run reader](super), and by `hil recover` to copy the records. Reads files in any state: a truncated
+//! file is read up to the truncation, even inside its last chunk, and no memory is allocated for an impossible length.
+//! Every checksum is verified. The module is independent of runs.
 
 use std::fs::File;
 use std::io::{self, Cursor, Read, Seek, SeekFrom};
@@ -54,7 +54,7 @@ pub(crate) struct Content {
     /// Offset of the next record outside of chunks.
     position: u64,
     end: Option<FileEnd>,
-    /// Check sum of all bytes so far; `None` after the data section, where it ends.
+    /// Checksum of all bytes so far; `None` after the data section, where it ends.
     sum: Option<crc32fast::Hasher>,
     /// Offset of the first mark that did not match, if reading continues nevertheless.
     wrong_mark: Option<u64>,
@@ -126,7 +126,9 @@ impl Content {
                     let length = self.file.metadata()?.len();
                     let behind = length.saturating_sub(at + mcap::MAGIC.len() as u64);
                     if behind > 0 {
-                        return Err(damaged(format!("{behind} bytes follow its end")));
+                        return Err(damaged(format!(
+                            "{behind} bytes follow the end of the file's content"
+                        )));
                     }
                     self.end = Some(FileEnd::Whole);
                     continue;
@@ -171,7 +173,7 @@ impl Content {
                     continue;
                 }
                 Some(Err(McapError::BadMagic)) if at <= mcap::MAGIC.len() as u64 => {
-                    return Err(damaged("it does not begin like an MCAP file".into()));
+                    return Err(damaged("the file does not begin like an MCAP file".into()));
                 }
                 Some(Err(McapError::BadSummaryCrc { .. })) => return Err(wrong_sum(at)),
                 Some(Err(error)) => return Err(damaged(error.to_string())),
@@ -183,7 +185,7 @@ impl Content {
     /// Parses the current record, if it belongs to a run.
     ///
     /// # Errors
-    /// If it does not match its type.
+    /// If the record does not match its type.
     pub(crate) fn record(&self, opcode: u8) -> Result<Record<'_>, String> {
         form::parse(opcode, self.data())
     }
@@ -268,7 +270,7 @@ impl Content {
         Ok(())
     }
 
-    /// Reads the next record of the chunk; `None` if it has no further complete one.
+    /// Reads the next record of the chunk; `None` if there is no other complete record.
     fn advance_in_chunk(&mut self) -> Result<Option<u8>, ContentError> {
         let rest = &self.chunk[self.next..];
         if let Some((head, rest)) = rest.split_at_checked(HEAD_BYTES)
@@ -296,11 +298,11 @@ impl Content {
 }
 
 fn wrong_sum(at: u64) -> ContentError {
-    let what = "its check sum does not match, so bits have changed".into();
+    let what = "the checksum does not match, so bits have changed".into();
     ContentError::Damaged { at, what }
 }
 
-/// Adds a record to the check sum; verifies the check sum that a record contains.
+/// Adds a record to the checksum, and verifies the checksum that a record contains.
 fn add_up(
     sum: &mut Option<crc32fast::Hasher>,
     opcode: u8,
@@ -318,7 +320,7 @@ fn add_up(
     match opcode {
         mark::OPCODE => fits = mark::fits(data, at, computed()),
         op::DATA_END => {
-            // The library has parsed the record. The value 0 means that there is no check sum.
+            // The library has parsed the record. The value 0 means that there is no checksum.
             let saved = data
                 .first_chunk()
                 .map_or(0, |saved| u32::from_le_bytes(*saved));
@@ -326,7 +328,7 @@ fn add_up(
             *sum = None;
             return Ok(fits);
         }
-        op::FOOTER => return Err("it ends without the check sum of its records".into()),
+        op::FOOTER => return Err("it ends without the checksum of its records".into()),
         _ => {}
     }
     hasher.update(&[opcode]);
@@ -357,7 +359,7 @@ fn unpack_whole(header: &ChunkHeader, packed: &[u8], into: &mut Vec<u8>) -> Resu
     unpack::whole(&header.compression, packed, size as usize, into)?;
     let (saved, computed) = (header.uncompressed_crc, || crc32fast::hash(into));
     if saved != 0 && saved != computed() {
-        return Err("the check sum of a chunk is wrong".into());
+        return Err("the checksum of a chunk is wrong".into());
     }
     Ok(())
 }

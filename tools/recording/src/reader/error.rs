@@ -9,7 +9,7 @@ fn damage(path: &Path, what: &str, records: u64) -> String {
     match records {
         0 => format!("before its first record: {what}; {AGAIN}"),
         _ => format!(
-            "after {records} records: {what}; `hil recover {} -o FILE` makes a recording of the part before",
+            "after {records} records: {what}; recover the part before it with `hil recover {} -o FILE`",
             path.display()
         ),
     }
@@ -19,7 +19,7 @@ fn damage(path: &Path, what: &str, records: u64) -> String {
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// The folder of a run has no recording.
-    #[error("{0} has no recording; the run used --no-record, or this is not the folder of a run")]
+    #[error("{0} has no recording: the run used --no-record, or this is not the folder of a run")]
     NoRecording(PathBuf),
     /// The file cannot be read.
     #[error("cannot read {path}: {error}")]
@@ -31,7 +31,7 @@ pub enum ReadError {
     },
     /// The recording contains only a part of the run.
     #[error(
-        "{path} is an excerpt ({kept}); this needs the whole run: record it without --record, --record-every and --record-around-faults"
+        "{path} is an excerpt ({kept}), but the whole run is needed: record it without --record, --record-every and --record-around-faults"
     )]
     Excerpt {
         /// Path of the recording.
@@ -58,7 +58,7 @@ pub enum ReadError {
     },
     /// The file ends before the first record.
     #[error(
-        "{path} was cut off after {length} bytes, before its first record: it contains nothing of the run; {AGAIN}"
+        "{path} was cut off after {length} bytes, before its first record, so it contains nothing of the run; {AGAIN}"
     )]
     Cut {
         /// Path of the recording.
@@ -71,7 +71,7 @@ pub enum ReadError {
     Foreign {
         /// Path of the file.
         path: PathBuf,
-        /// Reason why it is not a recording.
+        /// Reason why the file is not a recording.
         what: String,
     },
 }

@@ -1,8 +1,8 @@
 //! Validated parsing of records: all lengths are checked before the library parses a record.
 //!
-//! Used by the [content](super::content) reader. The library allocates the length that a text claims, up to 4 GiB,
-//! and assumes that an attachment has a check sum; damaged files violate both. Only records that belong to a run are
-//! parsed. Format: <https://mcap.dev/spec>.
+//! Used by the [content](super::content) reader. The library allocates the length that a text claims, up to 4 GiB, and
+//! assumes that an attachment has a checksum; damaged files violate both. Only records that belong to a run are parsed.
+//! Format: <https://mcap.dev/spec>.
 
 use mcap::records::{Record, op};
 

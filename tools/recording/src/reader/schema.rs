@@ -109,7 +109,7 @@ fn field(line: &str) -> Option<(&str, &str, &str)> {
     Some((words.next()?, words.next()?, unit))
 }
 
-/// Counts the words before the first one that the digest omits.
+/// Counts the words before the first word that the digest omits.
 pub(super) fn hashed(columns: &[Column]) -> usize {
     let is_left_out = |column: &Column| match column.name.split_once('.') {
         Some((group, _)) => GROUPS[HASHED_GROUPS..].contains(&group),

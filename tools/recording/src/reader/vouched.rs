@@ -1,26 +1,26 @@
-//! Content without a check sum, in a truncated recording or one recovered from such a file.
+//! Content without a checksum, in a truncated recording or in one recovered from such a file.
 
 use super::RunReader;
 use super::content::FileEnd;
 
-/// Fact with the number of records that check sums covered when the file was recovered; present only if some were not
+/// Fact with the number of records that checksums covered when the file was recovered; present only if some were not
 /// covered.
 pub(crate) const VOUCHED: &str = "vouched_records";
-/// Fact that describes the content without a check sum at the time of recovery.
+/// Fact that describes the content without a checksum at the time of recovery.
 pub const UNVOUCHED: &str = "unvouched";
 
-/// Part of a recording without a check sum.
+/// Part of a recording without a checksum.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unvouched {
-    /// Number of records before it.
+    /// Number of records before this part.
     pub records: u64,
     /// Description of the part for a person.
     pub told: String,
 }
 
 impl RunReader {
-    /// Returns a warning about a recording that its writer did not complete: how to recover it, and which content
-    /// lacks a check sum even then; known at the end.
+    /// Returns a warning about a recording that its writer did not complete: how to recover it, and which content lacks
+    /// a checksum even then; known at the end.
     #[must_use]
     pub fn caveat(&self) -> Option<String> {
         let (path, records) = (self.path.display(), self.records);
@@ -30,11 +30,11 @@ impl RunReader {
         }
         let doubt = doubt.map_or_else(String::new, |description| format!(" ({description})"));
         Some(format!(
-            "{path} was cut off after {records} records{doubt}; `hil recover {path}` makes a complete file of it"
+            "{path} was cut off after {records} records{doubt}; complete it with `hil recover {path}`"
         ))
     }
 
-    /// Returns the part without a check sum, now or at the time of recovery; known at the end, or at the damage.
+    /// Returns the part without a checksum, now or at the time of recovery; known at the end, or at the damage.
     #[must_use]
     pub fn unvouched(&self) -> Option<Unvouched> {
         let before = || {
@@ -45,12 +45,12 @@ impl RunReader {
         };
         let now = || {
             let description = match self.vouched {
-                None => "no check sum covers its records or its facts about the run".into(),
-                Some(0) => "no check sum covers its records".into(),
+                None => "no checksum covers its records or its facts about the run".into(),
+                Some(0) => "no checksum covers its records".into(),
                 Some(records) if records < self.records => {
-                    format!("check sums cover only its first {records} records")
+                    format!("checksums cover only its first {records} records")
                 }
-                Some(_) => "no check sum covers the content after its last record".into(),
+                Some(_) => "no checksum covers the content after its last record".into(),
             };
             let records = self.vouched.unwrap_or_default();
             (!self.is_vouched && !self.is_whole()).then_some(Unvouched {

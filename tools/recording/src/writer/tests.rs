@@ -21,7 +21,7 @@ fn layout() -> RecordLayout {
     }
 }
 
-/// Returns the words of a step: some change, some do not, one occurs twice.
+/// Returns the words of a step: some change, some do not, and one occurs twice.
 fn words(step: u64) -> Vec<u64> {
     let mut words = vec![0; layout().words()];
     let start = layout().values_start();
@@ -198,7 +198,7 @@ fn a_reader_that_verifies_every_check_sum_accepts_the_file() {
             _ => None,
         });
         let sums: Vec<u32> = chunks.collect();
-        // The value 0 means that there is no check sum.
+        // The value 0 means that there is no checksum.
         assert!(
             sums.len() == 10 && !sums.contains(&0),
             "{compression:?}: {sums:?}"

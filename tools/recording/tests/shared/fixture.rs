@@ -71,7 +71,7 @@ pub(crate) fn recorded(
     chunked(layout, contents, attachments, Compression::Lz4, u64::MAX)
 }
 
-/// Writes the same in chunks of so many records.
+/// Writes the same with this number of records in each chunk.
 pub(crate) fn chunked(
     layout: &RecordLayout,
     contents: &[Content],

@@ -1,5 +1,5 @@
-//! Signs of life of an agent that works on an answer or waits for its turn: a desk that hears none knows that the agent is
-//! stopped, and not slow.
+//! Signs of life of an agent that works on an answer or waits for its turn: a desk that receives none knows that the
+//! agent is stopped, not just slow.
 
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
@@ -11,14 +11,14 @@ use crate::message::ToDesk;
 /// Time between two signs.
 const INTERVAL: Duration = Duration::from_millis(250);
 
-/// Signs of life, until it is dropped.
+/// Signs of life, sent until this value is dropped.
 pub(super) struct Beats {
     end: Option<Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Beats {
-    /// Starts to send signs of life.
+    /// Starts sending signs of life.
     pub(super) fn start(mouth: &Mouth) -> Self {
         let (end, ended) = channel();
         let mouth = mouth.clone();

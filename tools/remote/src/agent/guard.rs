@@ -1,4 +1,4 @@
-//! The rule that decides what the output of a target is: states and events without file or clock, and the [file](Output)
+//! The rule that determines the output of a target: states and events without file or clock, and the [file](Output)
 //! that follows them.
 //!
 //! ```text
@@ -6,8 +6,8 @@
 //!              any of them -> Ended
 //! ```
 //!
-//! The agent's [run](super::run) reports each event as it happens. Nothing here waits, and nothing but a command that
-//! answers a sample from after a switch takes the output away from the safe command.
+//! The agent's [run](super::run) reports each event as it happens. Nothing here waits. Once the output has switched to
+//! the safe command, only a command that answers a later sample can replace it.
 
 use hil_session::clock::monotonic_ns;
 
@@ -21,41 +21,41 @@ pub(super) struct Sample {
     pub(super) at_ns: u64,
 }
 
-/// Gap in the samples for which the output is the safe command.
+/// Gap in the samples, during which the output is the safe command.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Gap {
     /// Time of the switch.
     since_ns: u64,
-    /// Step of the last sample before.
+    /// Step of the last sample before the gap.
     after: u64,
 }
 
-/// State of the output. `last` is the last sample while another must follow: not before the first, and not while the run
-/// is held.
+/// State of the output. `last` is the last sample while another must follow: not before the first sample, and not while
+/// the run is held.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum State {
-    /// There is no output: the signals are unknown, or the plant waits.
+    /// No output: the signals are unknown, or the plant waits for commands.
     Closed,
-    /// Each command acts.
+    /// Each command takes effect.
     Commanded { last: Option<Sample> },
-    /// Samples are missing: no command acts.
+    /// Samples are missing: no command takes effect.
     Missing(Gap),
-    /// Samples are back from step `first` on: only an answer to one of them acts.
+    /// Samples are back from step `first` on: only an answer to one of them takes effect.
     Returning {
         gap: Gap,
         first: u64,
         last: Option<Sample>,
     },
-    /// The output is the safe command for good.
+    /// The output remains the safe command.
     Ended,
 }
 
 /// Event that may change the output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
-    /// Signals are known, and the plant waits for nobody.
+    /// The signals are known, and the plant does not wait for commands.
     Opened,
-    /// A new sample came.
+    /// A new sample arrived.
     Sampled(Sample),
     /// The run is held: no sample follows for now.
     Held,
@@ -72,20 +72,20 @@ pub(super) enum Event {
 pub(super) enum Action {
     /// Leave it.
     Keep,
-    /// Put the safe command, until the next event says otherwise.
+    /// Apply the safe command until the next event.
     Secure,
-    /// Put the command of the controller.
+    /// Apply the command of the controller.
     Put,
-    /// Put the safe command, count the switch and report it.
+    /// Apply the safe command, count the switch and report it.
     Switch(Gap),
-    /// Put the command of the controller, and report the end of the gap.
+    /// Apply the command of the controller, and report the end of the gap.
     Return(Gap),
-    /// Put the safe command and let go of the file.
+    /// Apply the safe command and close the file.
     Close,
 }
 
 impl State {
-    /// Returns the state after an event, and the change of the output; samples are missing after `limit_ns`.
+    /// Returns the state after an event, and the change of the output; samples count as missing after `limit_ns`.
     pub(super) fn after(self, event: Event, limit_ns: u64) -> (Self, Action) {
         use Action::{Close, Keep, Put, Return, Secure, Switch};
         use State::{Closed, Commanded, Missing, Returning};
@@ -146,7 +146,7 @@ pub(super) struct Guard {
 }
 
 impl Guard {
-    /// Makes the guard of a run that has no output yet.
+    /// Creates the guard of a run that has no output yet.
     pub(super) const fn new(missed: Missed) -> Self {
         Self {
             state: State::Closed,
@@ -156,13 +156,13 @@ impl Guard {
         }
     }
 
-    /// Notes that the signals are known, and takes the output.
+    /// Records that the signals are known, and opens the output.
     pub(super) fn open(&mut self, output: Output) {
         self.output = Some(output);
         self.note(Event::Opened);
     }
 
-    /// Notes an event other than an answer; returns a report for the desk.
+    /// Records an event other than an answer; returns a report for the desk, if one is due.
     pub(super) fn note(&mut self, event: Event) -> Option<ToDesk> {
         self.apply(event, 0, &[])
     }
@@ -196,14 +196,14 @@ impl Guard {
                 output.switch();
                 self.switches += 1;
                 format!(
-                    "no sample after step {after} for {periods} periods: its output is the safe command"
+                    "no sample after step {after} for {periods} periods, so its output is the safe command"
                 )
             }
             Action::Return(Gap { since_ns, after }) => {
                 output.put(step, row);
                 let for_s = monotonic_ns().saturating_sub(since_ns) as f64 / 1e9;
                 format!(
-                    "no sample after step {after} for {periods} periods: its output was the safe command for {for_s:.3} s, and is the controller's again from step {step}"
+                    "no sample after step {after} for {periods} periods, so its output was the safe command for {for_s:.3} s and is the controller's again from step {step}"
                 )
             }
         };

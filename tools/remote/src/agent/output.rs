@@ -1,7 +1,7 @@
-//! Output of a target: the newest command, in a file of the session that a driver of the board's outputs can read.
+//! Output of a target: the latest command, in a file of the session that a driver of the board's outputs can read.
 //!
-//! In real time alone: a plant that waits is no process that outputs could act on. The agent switches it to the safe
-//! command by itself, and never leaves another one behind.
+//! Exists only in real time, because a plant that waits for commands is not a process on which outputs could act. The
+//! agent switches the output to the safe command by itself, and never leaves another command behind.
 
 use std::fs::File;
 use std::io;
@@ -15,18 +15,18 @@ use shared_types::hello::Welcome;
 use shared_types::layout::SignalKind;
 use shared_types::table::Field;
 
-/// Name of the file in the session's folder that has the names and units of the values.
+/// Name of the file in the session's folder with the names and units of the values.
 const TABLE_FILE: &str = "output.json";
-/// Name of the file that has the values.
+/// Name of the file with the values.
 const FILE: &str = "output";
-/// Bytes of the sum at its end.
+/// Bytes of the checksum at the end of the file.
 const SUM: usize = 8;
 
-/// The output, as long as the agent lives.
+/// The output, which exists as long as the agent lives.
 #[derive(Debug)]
 pub(super) struct Output {
     file: File,
-    /// Places of the commands in a frame of the controller.
+    /// Positions of the commands in a frame of the controller.
     places: Vec<usize>,
     safe: Vec<f64>,
     is_safe: bool,
@@ -36,7 +36,7 @@ pub(super) struct Output {
     bytes: Vec<u8>,
 }
 
-/// Facts that a driver has to know of the values.
+/// Facts about the values that a driver needs.
 #[derive(Serialize)]
 struct Table {
     commands: Vec<Field>,
@@ -44,7 +44,7 @@ struct Table {
 }
 
 impl Output {
-    /// Makes the output of a run, with the safe command; a command that is not named in it is 0.
+    /// Creates the output of a run, with the safe command; a command that the safe command does not name is 0.
     pub(super) fn create(
         session: &SessionInfo,
         welcome: &Welcome,
@@ -81,7 +81,7 @@ impl Output {
         places.all(|place| row.get(*place).is_none_or(|value| value.is_finite()))
     }
 
-    /// Puts the command of a step.
+    /// Applies the command of a step.
     pub(super) fn put(&mut self, step: u64, row: &[f64]) {
         let value = |place: &usize| row.get(*place).copied().unwrap_or(0.0);
         self.values.clear();
@@ -90,15 +90,15 @@ impl Output {
         self.write();
     }
 
-    /// Switches to the safe command, until the next command is put.
+    /// Switches to the safe command until the next command is applied.
     pub(super) fn switch(&mut self) {
         self.values.clone_from(&self.safe);
         self.is_safe = true;
         self.write();
     }
 
-    /// Writes it: number of the write, step, 1 if safe, the values, and the beginning of the hash of all that, each of 64
-    /// bits and little-endian.
+    /// Writes the file: number of the write, step, 1 if safe, the values, and the beginning of the hash of all that,
+    /// each as 64 bits, little-endian.
     fn write(&mut self) {
         self.written += 1;
         self.bytes.clear();
@@ -135,7 +135,7 @@ mod tests {
 
     use super::*;
 
-    /// Reads what a driver reads: step, whether it is safe, and the values.
+    /// Reads the file as a driver does: returns step, safe flag and values.
     fn read(path: &Path) -> (u64, bool, Vec<f64>) {
         let bytes = std::fs::read(path).expect("there");
         let (content, sum) = bytes.split_at(bytes.len() - SUM);

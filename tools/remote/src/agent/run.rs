@@ -1,4 +1,4 @@
-//! A run of one controller on a target: what the desk says goes to its program, and what that says to the desk.
+//! A run of one controller on a target: passes messages from the desk to its program, and from the program to the desk.
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
@@ -24,23 +24,23 @@ use crate::path::DatagramPath;
 use crate::route::{Carrier, Carriers, TargetRoute};
 use crate::sleep::waiter;
 
-/// Time between two looks at what changes seldom.
+/// Interval between checks of rarely changing states.
 const LOOK_NS: u64 = 5_000_000;
-/// Time that what a program wrote before its end may take.
+/// Time limit for output that a program wrote before its end.
 const LAST_WORDS_NS: u64 = 100_000_000;
-/// Time between two signs of life through the channel.
+/// Interval between signs of life through the channel.
 const SIGN_NS: u64 = 250_000_000;
 
-/// The program of the controller, as the desk knows it.
+/// The controller's program, as known to the desk.
 #[derive(Clone, Copy)]
 enum Program {
     Running,
-    /// Ended; reported to the desk once all its output was passed on.
+    /// Ended; reported to the desk once all output has been passed on.
     Ended {
         status: ExitStatus,
         since_ns: u64,
     },
-    /// The desk has been told of its end.
+    /// End reported to the desk.
     Reported,
 }
 
@@ -55,11 +55,11 @@ pub(super) struct Run<'a> {
     form: Option<Form>,
     end: TargetEnd,
     route: TargetRoute,
-    /// Number of the plant's messages about parameters that were given to the controller.
+    /// Number of the plant's parameter messages that were passed to the controller.
     tuning: u64,
-    /// Packet with a sample that such a message comes before.
+    /// Packet with a sample that such a message must precede.
     waiting: Option<(Packet, Carrier)>,
-    /// A frame was given to the controller, and it has not answered.
+    /// `true` while the controller has a frame that it has not answered.
     is_at_work: bool,
     heard_ns: u64,
     output: Guard,
@@ -105,7 +105,8 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Serves until the channel closes or the desk is silent for the limit; `both_here` if both ends are on this machine.
+    /// Serves until the channel closes or the desk is silent for the limit; `both_here` if both ends are on this
+    /// machine.
     pub(super) fn serve(&mut self, limit: WaitLimit, both_here: bool) -> Result<(), String> {
         let (mut waiter, awaited) = waiter(both_here, self.link.bell(), self.path.as_ref());
         let (mut look_ns, mut sign_ns) = (0, 0);
@@ -122,7 +123,7 @@ impl<'a> Run<'a> {
                 self.look(now_ns).map_err(described)?;
                 if now_ns.saturating_sub(self.heard_ns) > limit.ns() {
                     let limit_s = limit.ms() as f64 / 1e3;
-                    return Err(format!("nothing was heard of the desk for {limit_s} s"));
+                    return Err(format!("received nothing from the desk for {limit_s} s"));
                 }
                 if now_ns >= sign_ns {
                     sign_ns = now_ns + SIGN_NS.min(limit.ns() / 4);
@@ -150,7 +151,7 @@ impl<'a> Run<'a> {
         Ok(true)
     }
 
-    /// True if something came; nothing at the end of the channel.
+    /// Returns `true` if a message arrived; `None` at the end of the channel.
     fn hear_channel(&mut self) -> Result<Option<bool>, String> {
         let Some(heard) = self.ear.next() else {
             return Ok(Some(false));
@@ -170,7 +171,7 @@ impl<'a> Run<'a> {
         Ok(Some(true))
     }
 
-    /// Passes a control message of the plant on; the frames are open before the controller hears of them.
+    /// Passes on a control message of the plant; the frames are opened before the controller receives the message.
     fn control(&mut self, content: &str) -> Result<(), String> {
         let said = Control::from_bytes(content.as_bytes());
         if let Ok(Control::Welcome(welcome)) = &said {
@@ -239,7 +240,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Returns `true` if the plant waits for nobody.
+    /// Returns `true` if the plant does not wait for commands.
     fn is_against_clock(&self) -> bool {
         self.form.is_some_and(|form| form.against_clock)
     }
@@ -296,7 +297,7 @@ impl<'a> Run<'a> {
         Ok(came)
     }
 
-    /// Passes on what the controller says; what finds no room waits, since the loop must go on.
+    /// Passes on messages of the controller; a message for which there is no room waits, because the loop must go on.
     fn hear_control(&mut self) -> Result<(), LinkError> {
         loop {
             if self.unsaid.is_none() {
@@ -315,7 +316,7 @@ impl<'a> Run<'a> {
         }
     }
 
-    /// Looks at what changes seldom.
+    /// Checks rarely changing states.
     fn look(&mut self, now_ns: u64) -> Result<(), LinkError> {
         self.hear_control()?;
         if !self.has_reported
@@ -354,7 +355,7 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
-    /// Passes an event on to the output, and its report to the desk.
+    /// Passes an event to the output, and the resulting report to the desk.
     fn note(&mut self, event: Event) {
         let report = self.output.note(event);
         self.report(report);

@@ -1,4 +1,5 @@
-//! The controller's program on a target: started, told, passed on what it writes, and ended with all that it started.
+//! The controller's program on a target: started, supplied with input, its output passed on, and ended with all its
+//! descendants.
 
 use std::io::{Read, Write};
 use std::os::unix::process::{CommandExt, ExitStatusExt};
@@ -15,12 +16,12 @@ use rustix::process::{Pid, WaitId, WaitIdOptions, waitid};
 use crate::channel::Mouth;
 use crate::message::ToDesk;
 
-/// The program, in a group of its own. Dropped, it ends with all that it started.
+/// The program, in a process group of its own. Dropping the value ends the program and all its descendants.
 pub(super) struct Started {
     child: Child,
     stdin: Option<ChildStdin>,
     has_ended: Arc<AtomicBool>,
-    /// Held by each thread that passes on what the program writes.
+    /// Held by each thread that passes on the program's output.
     passing_on: Arc<()>,
     prefix: String,
 }
@@ -78,12 +79,12 @@ impl Started {
         self.child.id()
     }
 
-    /// Returns true once all that it wrote was passed on.
+    /// Returns `true` once all output has been passed on.
     pub(super) fn is_silent(&self) -> bool {
         Arc::strong_count(&self.passing_on) == 1
     }
 
-    /// Returns its exit status, once it has ended; all that it started in its group ends with it.
+    /// Returns the program's exit status, once it has ended; the rest of its process group ends with it.
     pub(super) fn status(&mut self) -> Option<ExitStatus> {
         if !self.has_ended.load(Ordering::Acquire) {
             return None;
@@ -107,7 +108,7 @@ impl Drop for Started {
     }
 }
 
-/// Passes on what a program writes, as far as the channel has room.
+/// Passes on a program's output, as far as the channel has room.
 fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
     std::thread::spawn(move || {
         let _held = held;
@@ -126,7 +127,7 @@ fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
             if lost > 0 {
                 text.insert_str(
                     0,
-                    &format!("\n[{lost} bytes were written faster than they could be passed on]\n"),
+                    &format!("\n[{lost} bytes were dropped because they were written too fast]\n"),
                 );
             }
             if mouth.try_say(&ToDesk::Log { text }) {
@@ -138,7 +139,7 @@ fn pass_on(mut from: impl Read + Send + 'static, mouth: Mouth, held: Arc<()>) {
     });
 }
 
-/// Length of the bytes without a character at their end that has only begun.
+/// Returns the length of the bytes without an incomplete character at their end.
 fn whole(bytes: &[u8]) -> usize {
     match std::str::from_utf8(bytes) {
         Err(error) if error.error_len().is_none() => error.valid_up_to(),

@@ -5,9 +5,9 @@ use shared_types::describe::Settings;
 use shared_types::table::number;
 use shared_types::time::Rate;
 
-/// Name of the file in a session's folder that has the number of switches of the target's output to the safe command.
+/// Name of the file in a session's folder with the number of switches of the target's output to the safe command.
 pub(super) const SWITCHES_FILE: &str = "target-switches.json";
-/// The parts of a controller's job that the bridge deals with.
+/// The parts of a controller's job that the bridge uses.
 #[derive(serde::Deserialize)]
 pub(super) struct Job {
     pub(super) epoch: u32,
@@ -30,13 +30,13 @@ pub(super) struct Safe {
     pub(super) safe_command: Settings,
 }
 
-/// Number of switches of the target's output to the safe command in a session, if the desk heard of one.
+/// Returns the number of switches of the target's output to the safe command in a session, if the desk received one.
 #[must_use]
 pub fn switches(session: &SessionInfo) -> Option<u32> {
     session.read_file(SWITCHES_FILE).ok()
 }
 
-/// Name of the file in a session's folder that tells that the controller of this epoch runs on its target.
+/// Returns the name of the file in a session's folder that shows that the controller of this epoch runs on its target.
 #[must_use]
 pub fn ready_file(epoch: u32) -> String {
     format!("target-{epoch}.json")

@@ -6,7 +6,7 @@ use super::{PARTING_NS, STOPPING_NS};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Exit {
     pub(super) code: Option<i32>,
-    /// Fate of the program, if that was not in order.
+    /// Description of the program's end, if it was abnormal.
     pub(super) fate: Option<String>,
     /// Number of its last frame.
     pub(super) said: u64,
@@ -24,7 +24,7 @@ pub(super) enum Life {
     Stopping {
         since_ns: u64,
     },
-    /// Ended; the last frames may be under way.
+    /// Ended; the last frames may be in transit.
     Ended {
         since_ns: u64,
         exit: Exit,
@@ -34,14 +34,14 @@ pub(super) enum Life {
 /// Event in the life of a controller.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Event {
-    /// `hil` wants it to stop.
+    /// `hil` requests a stop.
     StopWanted { now_ns: u64 },
     /// The order to stop is in the channel.
     StopSent,
-    /// The agent reports its end.
+    /// The agent reports the controller's end.
     Exited { now_ns: u64, exit: Exit },
-    /// Time has passed. `is_silent` if the target has said nothing for the limit; `given` is the number of its last frame
-    /// that the plant was given, `None` without frames.
+    /// Time has passed. `is_silent` if the target has sent nothing for the limit; `given` is the number of its last
+    /// frame passed to the plant, `None` without frames.
     Passed {
         now_ns: u64,
         is_silent: bool,
@@ -55,11 +55,11 @@ pub(super) enum Action {
     Nothing,
     /// Send the order to stop.
     SendStop,
-    /// End as the program did.
+    /// End in the same way as the program.
     Finish(Exit),
-    /// Give up: it was told to stop, and nothing says that it did.
+    /// Give up: the controller was told to stop, but nothing shows that it did.
     GiveUpStop,
-    /// Give up: nothing comes from the target.
+    /// Give up: nothing arrives from the target.
     GiveUpSilent,
 }
 

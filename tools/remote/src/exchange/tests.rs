@@ -88,7 +88,7 @@ fn command(step: u64) -> Header {
     }
 }
 
-/// Returns a command that names these steps as answered before it, the latest first.
+/// Returns a command that names these steps as answered earlier, the latest first.
 fn command_after(step: u64, before: &[u64]) -> Header {
     let steps = |place: usize, from: u64| before.get(place).map_or(0, |step| (from - step) as u32);
     let last_steps = steps(0, step);
@@ -102,7 +102,7 @@ fn command_after(step: u64, before: &[u64]) -> Header {
     }
 }
 
-/// Returns the state of a law that depends on every sample it stepped with, in order.
+/// Returns the state of a law that depends on every sample with which it stepped, in order.
 fn law(state: u64, step: u64) -> u64 {
     (state ^ step).wrapping_mul(0x0000_0100_0000_01b3)
 }
@@ -160,8 +160,8 @@ fn in_lockstep_each_sample_is_answered_once_over_any_wire() {
     }
 }
 
-/// Plant that never waits, a bridge and an agent that are not always scheduled, and a law with a variable
-/// computation time. Neighbours share a cell with the latest frame, as in shared memory.
+/// Plant that never waits, a bridge and an agent that are not always scheduled, and a law with a variable computation
+/// time. Neighbours share a cell with the latest frame, as in shared memory.
 struct Realtime {
     random: Random,
     /// Share of ticks in which bridge and agent do not run, in percent.
@@ -174,7 +174,7 @@ struct Realtime {
     is_burst: bool,
     bytes: Vec<u8>,
     step: u64,
-    /// Step of the newest command received by the plant.
+    /// Step of the latest command received by the plant.
     newest: u64,
     /// Cell from the plant to the bridge; the reverse one follows.
     sample: Option<Header>,
@@ -217,7 +217,7 @@ impl Realtime {
         }
     }
 
-    /// Lets the plant receive the newest command and send the next sample.
+    /// Lets the plant receive the latest command and send the next sample.
     fn release(&mut self) {
         if let Some(step) = self.command.take() {
             self.newest = step;
@@ -270,7 +270,7 @@ impl Realtime {
         }
     }
 
-    /// The law may proceed at any point of this.
+    /// The law may proceed at any point of this function.
     fn agent(&mut self) {
         for packet in self.lines[0].arrived() {
             self.look();

@@ -1,5 +1,5 @@
-//! Both routes and both ends of the exchange over simulated wires: datagrams that are cut in one direction, in both
-//! or by size, and a channel that always works, faster or slower than the datagrams. Time is a counter.
+//! Both routes and both ends of the exchange over simulated wires: datagrams that are cut in one direction, in both, or
+//! by size, and a channel that always works, faster or slower than the datagrams. Time is a counter.
 
 use std::collections::VecDeque;
 
@@ -78,11 +78,11 @@ struct World {
     /// Computation time of the controller, and the time at which its answer to a step is ready.
     work_ns: u64,
     at_work: Option<(u64, u64)>,
-    /// Pause between an answer and the next sample, and the time of the latter.
+    /// Pause between an answer and the next sample, and the time of that sample.
     pause_ns: u64,
     next_ns: Option<u64>,
     step: u64,
-    /// Number of answers by datagram; those through the channel follow.
+    /// Number of answers by datagram, and number of those through the channel.
     by_datagram: u64,
     by_channel: u64,
     notices: Vec<Notice>,
@@ -111,7 +111,7 @@ impl World {
         }
     }
 
-    /// Simulates a time; returns the numbers of answers by datagram and through the channel.
+    /// Simulates a period; returns the numbers of answers by datagram and through the channel.
     fn run(&mut self, seconds: u64) -> (u64, u64) {
         let before = (self.by_datagram, self.by_channel);
         let end_ns = self.now_ns + seconds * SECOND_NS;
@@ -227,7 +227,7 @@ impl World {
     }
 }
 
-/// Delays of a datagram and of the channel in ticks, with either one slower, and equal ones.
+/// Delays of a datagram and of the channel in ticks: either one slower, or both equal.
 const DELAYS: [(u64, u64); 5] = [(1, 1), (1, 5), (5, 1), (3, 40), (40, 3)];
 
 fn worlds() -> impl Iterator<Item = World> {

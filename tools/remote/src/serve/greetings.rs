@@ -1,8 +1,8 @@
 //! Greetings in progress: contacts with incomplete handshakes, concurrent and bounded.
 //!
-//! A contact that finds no slot takes that of another one: of its own source, or of the source with the most slots
-//! if all are taken. The oldest contact that has sent nothing valid is dropped; so an honest contact, whose first
-//! message follows at once, gets through beside any number of silent ones from its host.
+//! A contact that finds no free slot takes that of another contact: one of its own source or, if all slots are taken,
+//! one of the source with the most slots. The oldest contact that has sent nothing valid is dropped. So an honest
+//! contact, whose first message follows at once, gets through despite any number of silent contacts from its host.
 
 use std::io;
 use std::net::TcpStream;
@@ -92,8 +92,8 @@ impl<C> Default for Places<C> {
 }
 
 impl<C> Places<C> {
-    /// Adds a contact; returns the one dropped for it. `is_known` returns `true` if a contact has sent something
-    /// valid.
+    /// Adds a contact; returns the contact dropped for it, if any. `is_known` returns `true` if a contact has sent
+    /// something valid.
     fn add(
         &mut self,
         (source, contact): (Source, C),
@@ -146,16 +146,16 @@ impl Places<Greeting> {
         self.0.iter().map(|place| &place.contact.connection)
     }
 
-    /// Adds a contact; returns the one dropped for it.
+    /// Adds a contact; returns the contact dropped for it, if any.
     pub(super) fn greet(&mut self, of: (Source, Greeting), now: Instant) -> Option<Refused> {
         let is_known = |one: &Greeting| matches!(one.stage, Stage::AwaitsProof(_));
         let (source, _) = self.add(of, now, is_known)?;
-        let reason = "it sent nothing, and others took its slot";
+        let reason = "it sent nothing, and another contact took its slot";
         Some((source, io::Error::new(io::ErrorKind::ResourceBusy, reason)))
     }
 
-    /// Reads the contacts with new data, given by their index in [order](Self::connections); returns those that
-    /// have the key, and those that are refused.
+    /// Reads the contacts with new data, given by their index in [order](Self::connections); returns those that have
+    /// the key, and those that are refused.
     pub(super) fn hear(
         &mut self,
         has_news: impl Fn(usize) -> bool,

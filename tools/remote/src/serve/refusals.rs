@@ -1,7 +1,7 @@
 //! Counts of failed contacts: a persistent stranger must not fill the log.
 //!
-//! The first refusal of a source is logged at once. After that a source has one line a minute, with the count. The
-//! number of remembered sources is bounded; the others share one count.
+//! The first refusal of a source is logged at once. After that, a source gets one line a minute, with the count. The
+//! number of remembered sources is bounded; all other sources share one count.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -98,7 +98,7 @@ impl Refusals {
         None
     }
 
-    /// Returns the lines that are due. A source without refusals for that long is forgotten.
+    /// Returns the lines that are due. A source without refusals for one interval is forgotten.
     pub(super) fn due(&mut self, now: Instant) -> Vec<String> {
         let is_due = |count: &Count| now.duration_since(count.since) >= INTERVAL;
         let mut lines = Vec::new();

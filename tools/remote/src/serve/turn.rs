@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 const MOST_WAITING: usize = 4;
 /// Time limit of a desk's wait.
 const LIMIT: Duration = Duration::from_secs(10);
-/// Time limit of the wait during a run, which may take hours: enough for a run that is ending.
+/// Time limit for a wait during another desk's run, which may take hours: enough for a run that is ending.
 const LIMIT_IN_RUN: Duration = Duration::from_millis(500);
 
 /// Turns of one agent.
@@ -24,18 +24,18 @@ struct State {
     waiting: usize,
 }
 
-/// The desk that has its session.
+/// The desk whose turn it is.
 #[derive(Clone, Copy, Debug, Default)]
 enum Served {
     #[default]
     Nobody,
-    /// Before or after its run.
+    /// Before or after the desk's run.
     Desk(SocketAddr),
-    /// During its run.
+    /// During the desk's run.
     Run(SocketAddr),
 }
 
-/// Turn of one desk, until it is dropped.
+/// Turn of one desk, which lasts until this value is dropped.
 #[derive(Debug)]
 pub(super) struct Taken<'a>(&'a Turn);
 
@@ -69,7 +69,7 @@ impl Turn {
     /// Waits for the turn.
     ///
     /// # Errors
-    /// If another desk has it for too long or for a run, or too many wait already.
+    /// If another desk has the turn for too long or for a run, or too many desks already wait.
     pub(super) fn take(&self, by: SocketAddr) -> Result<Taken<'_>, String> {
         self.take_within(by, LIMIT)
     }

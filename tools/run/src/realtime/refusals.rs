@@ -11,7 +11,7 @@ pub(super) struct Refusals(Vec<Refusal>);
 
 #[derive(Debug)]
 struct Refusal {
-    /// Sides that were refused, all for the same reason.
+    /// Refused sides, all for the same reason.
     who: Vec<&'static str>,
     setting: &'static str,
     reason: String,
@@ -63,7 +63,7 @@ impl Refusals {
     }
 }
 
-/// Formats a line for each refusal, then each command that fixes some of them.
+/// Formats a line for each refusal, followed by each command that fixes some of them.
 impl Display for Refusals {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         let mut mends: Vec<&str> = Vec::new();

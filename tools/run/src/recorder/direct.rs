@@ -1,5 +1,5 @@
-//! Recorders in the thread that executes very many cases: the same digest, metrics and requirements, with neither a
-//! recording nor latency.
+//! Recorders in the thread that executes large numbers of cases: the same digest, metrics and requirements, but neither
+//! a recording nor latency figures.
 
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
@@ -16,11 +16,11 @@ use super::work::RecorderWork;
 use super::{NAP, Shared};
 use crate::attach::refuse_other_layout;
 
-/// First sleep while waiting for records; each further one is twice as long.
+/// First sleep while waiting for records; each further sleep is twice as long.
 const FIRST_NAP: Duration = Duration::from_micros(50);
 
-/// Drains the records of one run from a stream shared by several runs: until the end of the run, or until the
-/// stream is empty and `is_over` returns `true`.
+/// Drains the records of one run from a stream shared by several runs, until the end of the run, or until the stream is
+/// empty and `is_over` returns `true`.
 pub(crate) fn take_run(
     plan: Plan,
     layout: &RecordLayout,
@@ -57,7 +57,7 @@ pub(crate) struct DirectRecorder {
 }
 
 impl DirectRecorder {
-    /// Creates a recorder for records of this layout, which records a curve if there is a grid for it.
+    /// Creates a recorder for records of this layout, which records a curve if there is a grid.
     pub(crate) fn new(plan: Plan, layout: RecordLayout, grid: Option<Arc<Grid>>) -> Self {
         let shared = Arc::new(Shared::default());
         let work = RecorderWork::new(plan, None, Vec::new(), Arc::clone(&shared)).without_latency();

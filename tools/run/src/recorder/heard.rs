@@ -17,7 +17,7 @@ const MOST_EVENTS: u64 = 1 << 20;
 pub(super) struct Validator {
     /// Step after that of the last record.
     next_step: u64,
-    /// Number of steps before it without a record.
+    /// Number of earlier steps without a record.
     missing: u64,
     events: u64,
     /// `true` after an invalid item: no later record counts.
@@ -39,11 +39,11 @@ impl Validator {
         self.is_broken = true;
     }
 
-    /// Validates a record, which must be of the next step; in real time as many may be missing as are known to be
+    /// Validates a record, which must belong to the next step; in real time as many may be missing as are known to be
     /// lost.
     ///
     /// # Errors
-    /// If the record is invalid, with the reason.
+    /// If the record is invalid; the error states the reason.
     pub(super) fn record(
         &mut self,
         plan: &Plan,
@@ -57,7 +57,9 @@ impl Validator {
         };
         if step < next || step > next.saturating_add(missing) || step > last {
             return Err(if next > last {
-                format!("received a record of step {step} after the last one, that of step {last}")
+                format!(
+                    "received a record of step {step} after the last record, which is of step {last}"
+                )
             } else {
                 format!("received a record of step {step} instead of step {next}")
             });
@@ -76,7 +78,7 @@ impl Validator {
     /// Validates and sanitises an event.
     ///
     /// # Errors
-    /// If the event is invalid, with the reason.
+    /// If the event is invalid; the error states the reason.
     pub(super) fn event(
         &mut self,
         plan: &Plan,
@@ -93,7 +95,7 @@ impl Validator {
         let steps = plan.run.steps;
         if step > steps {
             return Err(format!(
-                "received an event of step {step} in a run of {steps} steps"
+                "received an event of step {step} in a run of only {steps} steps"
             ));
         }
         match event {
@@ -126,7 +128,7 @@ fn controller(plan: &Plan, change: &ControllerChange, before: usize) -> Result<(
     match &change.change {
         ControllerFate::Lost { policy, .. } if *policy != planned || planned == OnLoss::Abort => {
             Err(format!(
-                "the plant reports the loss of controller {epoch} with the policy `{}`, but that of the run is `{}`",
+                "the plant reports the loss of controller {epoch} with the policy `{}`, but the run has the policy `{}`",
                 policy.name(),
                 planned.name()
             ))

@@ -1,4 +1,4 @@
-//! Handling of stream items, independent of the publisher's fate.
+//! Handling of stream items, whatever happens to the publisher.
 
 use hil_config::plan::Clock;
 use hil_facts::results::recorded::Recorded;
@@ -95,7 +95,12 @@ fn each_record_must_be_of_the_next_step() {
     }
     let mut all: Vec<_> = records.iter().map(|words| Item::Record(words)).collect();
     all.push(Item::Record(&records[1000]));
-    refused(Clock::Lockstep, all, 1001, "step 1000 after the last one");
+    refused(
+        Clock::Lockstep,
+        all,
+        1001,
+        "step 1000 after the last record",
+    );
     let mut late = due(0);
     late[layout().values_start() + layout().values()] = 1;
     refused(
@@ -156,7 +161,7 @@ fn impossible_events_are_refused() {
         reason: "gone".into(),
         policy: OnLoss::Hold,
     };
-    let (clock, expected) = (Clock::Lockstep, "that of the run is `abort`");
+    let (clock, expected) = (Clock::Lockstep, "the run has the policy `abort`");
     refused(clock, vec![change(0, lost)], 0, expected);
     refused(
         clock,
@@ -176,7 +181,7 @@ fn impossible_events_are_refused() {
         clock,
         vec![end(), Item::Record(&due(0))],
         0,
-        "went on after the end",
+        "continued after the end",
     );
     let recorded = taken(clock, vec![end()]);
     assert_eq!(recorded.error, None);

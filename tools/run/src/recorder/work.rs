@@ -81,7 +81,7 @@ impl RecorderWork {
         self
     }
 
-    /// Processes the records and events that the run continues.
+    /// Processes the records and events of the continued run.
     pub(super) fn recall(&mut self, past: &PastRecords) {
         self.open(past.layout.clone());
         self.collector.is_past = true;
@@ -195,7 +195,7 @@ impl RecorderWork {
 
     pub(super) fn take(&mut self, item: Item<'_>) {
         if self.collector.recorded.end.is_some() {
-            return self.refuse("the record stream went on after the end of the run".into());
+            return self.refuse("the record stream continued after the end of the run".into());
         }
         match item {
             Item::Record(_) if self.heard.is_broken() => {}
@@ -300,7 +300,7 @@ impl RecorderWork {
         self.fail(format!("{reason}; {content}"));
     }
 
-    /// Ends a recording; returns whether it is complete, and a description of its content.
+    /// Ends a recording; returns `true` if the recording is complete, and a description of its content.
     fn end(
         &mut self,
         mut recording: Recording,
@@ -321,7 +321,7 @@ impl RecorderWork {
             Err(error) => {
                 closed = closed.and(Err(error));
                 format!(
-                    "it has {count} records and no end: `hil recover {path}` completes it where there is disk space"
+                    "it has {count} records and no end; complete it with `hil recover {path}` where there is disk space"
                 )
             }
         };
@@ -333,7 +333,7 @@ impl RecorderWork {
         plan.map_or_else(String::new, |plan| plan.path.display().to_string())
     }
 
-    /// Returns the digest of the records so far; `None` if one was lost.
+    /// Returns the digest of the records so far; `None` if a record was lost.
     fn digest(&self) -> Option<String> {
         let is_there = self.collector.recorded.lost == 0 && self.collector.recorded.records > 0;
         is_there.then(|| self.digest.clone().finish())
@@ -352,7 +352,7 @@ impl RecorderWork {
         owned.into_iter().collect()
     }
 
-    /// Fails with this error; no later record is trusted either.
+    /// Fails with this error, and trusts no later record.
     fn refuse(&mut self, error: String) {
         self.heard.broke();
         self.fail(error);
@@ -403,7 +403,7 @@ impl RecorderWork {
     }
 }
 
-/// Formats an error with its causes: the last one is what a user can act on.
+/// Formats an error with its causes; the last cause is the one on which a user can act.
 fn causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut cause = error.source();

@@ -89,7 +89,9 @@ impl Tolerances {
             return Ok(());
         };
         let near = near(name, known);
-        Err(format!("--tolerance: no signal `{name}` is compared{near}"))
+        Err(format!(
+            "--tolerance: no compared signal is named `{name}`{near}"
+        ))
     }
 }
 

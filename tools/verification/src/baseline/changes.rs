@@ -1,6 +1,6 @@
 //! Changes of a run relative to a baseline: identifying texts and figures.
 //!
-//! A judgement checks them against the tolerances; an update shows what it will write.
+//! A judgement checks the changes against the tolerances; an update shows the changes that it will write.
 
 use std::fmt::Write as _;
 

@@ -1,7 +1,7 @@
-//! The figures of a recorded run, which a reviewer reads instead of its samples.
+//! The figures of a recorded run, which a reviewer reads instead of the samples.
 //!
-//! Baselines store them. One pass over the recording computes the digest, the identity of the run, a few statistics
-//! of each signal that the digest covers, and the scenario's metrics.
+//! Stored in baselines. One pass over the recording computes the digest, the identity of the run, several statistics of
+//! each signal that the digest covers, and the scenario's metrics.
 
 use std::path::Path;
 
@@ -45,7 +45,7 @@ pub(super) struct Signal {
     pub(super) values: [f64; STATISTICS.len()],
 }
 
-/// Statistics of a signal. If two signals differ nowhere by more than a tolerance, neither do these statistics.
+/// Statistics of a signal. If two signals never differ by more than a tolerance, neither do these statistics.
 pub(super) const STATISTICS: [&str; 4] = ["min", "max", "rms", "final"];
 
 /// Accumulator of statistics.
@@ -130,7 +130,7 @@ impl Figures {
         }
         if let Some(torn) = reader.caveat() {
             return Err(Failure::usage(format!(
-                "{torn}, so it cannot be a baseline; `hil compare A B` compares the existing part"
+                "{torn}, so it cannot be a baseline; compare the existing part with `hil compare A B`"
             )));
         }
         let outcome = reader.result("outcome").and_then(Outcome::named);

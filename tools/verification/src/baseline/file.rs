@@ -61,7 +61,8 @@ struct Content {
 #[serde(deny_unknown_fields)]
 pub(super) struct Baseline {
     pub(super) scenario: String,
-    /// Path of its recording, relative to the folder of the file; without a recording only figures are compared.
+    /// Path of the baseline's recording, relative to the folder of the file; without a recording only figures are
+    /// compared.
     pub(super) recording: Option<PathBuf>,
     pub(super) digest: String,
     pub(super) records: u64,
@@ -134,7 +135,10 @@ impl BaselineFile {
         let document: DocumentMut = text.parse().map_err(|e| refused(&e))?;
         let content: Content = toml_edit::de::from_str(&text).map_err(|e| refused(&e))?;
         if content.schema != SCHEMA {
-            let what = format!("schema {} is not supported, only {SCHEMA}", content.schema);
+            let what = format!(
+                "schema {} is not supported; use schema {SCHEMA}",
+                content.schema
+            );
             return Err(refused(&what));
         }
         for (name, baseline) in &content.baselines {
@@ -176,13 +180,13 @@ impl BaselineFile {
     /// Returns a baseline by name.
     ///
     /// # Errors
-    /// If it does not exist; the message suggests the nearest names.
+    /// If the baseline does not exist; the message suggests the nearest names.
     pub(super) fn find(&self, name: &str) -> Result<&Baseline, Failure> {
         self.get(name).ok_or_else(|| {
             let near = near(name, self.content.baselines.keys().map(String::as_str));
             let path_text = self.path.display();
             Failure::usage(format!(
-                "{path_text} has no baseline `{name}`{near}; --update creates one"
+                "{path_text} has no baseline `{name}`{near}; create it with --update"
             ))
         })
     }
@@ -192,7 +196,7 @@ impl BaselineFile {
         Some(self.folder().join(baseline.recording.as_ref()?))
     }
 
-    /// Returns the folder for new recordings, beside the file and named after it, so that files do not share
+    /// Returns the folder for new recordings, which is next to the file and named after it, so that files do not share
     /// recordings.
     fn recordings(&self) -> PathBuf {
         let name = self.path.file_name().unwrap_or_default();
@@ -212,8 +216,8 @@ impl BaselineFile {
         self.path.parent().unwrap_or(Path::new(""))
     }
 
-    /// Stores the figures of a run under a name, and replaces the file atomically. A new baseline gets a recording; a
-    /// baseline whose recording was removed by hand gets no new one.
+    /// Stores the figures of a run under a name, and replaces the file atomically. A new baseline gets a recording, but
+    /// a baseline whose recording was removed by hand gets no new one.
     ///
     /// # Errors
     /// If the file or the recording cannot be written.
@@ -335,7 +339,7 @@ fn float(value: f64) -> Value {
     text.parse().unwrap_or_else(|_| Value::from(value))
 }
 
-/// Copies a run's recording beside the file, atomically.
+/// Copies a run's recording to the folder of the file, atomically.
 fn keep(run: &Path, copy: &Path) -> Result<(), Failure> {
     let recording = if run.is_dir() {
         run.join(hil_recording::reader::RECORDING)

@@ -1,7 +1,7 @@
 //! Accumulates the deviation of one signal between two runs, step by step.
 //!
-//! `hil compare` and `hil replay` pass both values of each step. Values are equal if their bits are. Only sums are
-//! stored, so memory does not depend on the length of the runs.
+//! `hil compare` and `hil replay` pass both values of each step. Values are equal if their bits are equal. Only sums
+//! are stored, so memory does not depend on the length of the runs.
 
 use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
@@ -28,7 +28,7 @@ pub(crate) struct SignalDifference {
     pub(crate) name: String,
     pub(crate) unit: String,
     pub(crate) max_abs_difference: f64,
-    /// Step of the largest difference; null if the values are never both numbers.
+    /// Step of the largest difference; null if no step has two numbers.
     pub(crate) at_step: Option<u64>,
     pub(crate) rms_difference: f64,
     /// First step at which the values differ.
@@ -162,7 +162,7 @@ pub(crate) fn write_table(
         let unit = unit_shown(&signal.unit);
         cells.push(match signal.incomparable_steps {
             0 => unit.to_owned(),
-            steps => format!("{unit}, not both numbers at {steps} steps"),
+            steps => format!("{unit}, not both finite at {steps} steps"),
         });
         table.cells(cells);
     }

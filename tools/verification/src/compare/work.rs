@@ -26,7 +26,7 @@ pub(super) struct ComparisonPass {
     only_in_a: Vec<String>,
     only_in_b: Vec<String>,
     first: Option<Difference>,
-    /// Set if a recording is an excerpt: signals or steps missing on one side mean nothing then.
+    /// Set if a recording is an excerpt: missing signals or steps then mean nothing.
     is_excerpt: bool,
     /// Set if anything other than the value of a signal differs.
     is_other: bool,
@@ -49,7 +49,7 @@ impl Row {
 }
 
 /// Returns the position of a word in the causal order of a step: the sample, the controller's answer, the plant's use
-/// of that answer, the true state, and what follows from these.
+/// of that answer, the true state, and the values that follow from these.
 fn rank(column: &str) -> usize {
     let order = [
         "sample_invalid",
@@ -65,8 +65,8 @@ fn rank(column: &str) -> usize {
     place.unwrap_or(order.len())
 }
 
-/// Returns `true` if a word depends, or may depend, on the controller's answer to a sample: a true acceleration
-/// depends on the command.
+/// Returns `true` if a word depends, or may depend, on the controller's answer to a sample: a true acceleration depends
+/// on the command.
 fn is_answer(column: &str) -> bool {
     [
         "command_invalid",
@@ -164,7 +164,7 @@ impl ComparisonPass {
         })
     }
 
-    /// Returns `true` if one of the runs has no command at a step, as after its last planned step.
+    /// Returns `true` if one of the runs has no command at a step, as is the case after its last planned step.
     fn lacks_command(&self, a: &Row, b: &Row) -> bool {
         let commands =
             || (self.columns.iter()).filter(|pair| pair.column.name.starts_with("command."));
@@ -324,7 +324,7 @@ fn faults(reader: &RunReader) -> String {
     }
 }
 
-/// Names the signal of the lowest of these validity bits, and returns the bit.
+/// Returns the lowest of these validity bits and the name of its signal.
 fn validity(column: &str, bits: u64, columns: &[Column]) -> (String, u32) {
     let bit = bits.trailing_zeros();
     let word = column.split_once('[').and_then(|(name, index)| {

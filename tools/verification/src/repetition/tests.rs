@@ -8,7 +8,7 @@ use crate::fixture::{Content, layout, record, recorded};
 use crate::rig::{SCENARIO, attachments};
 
 const FAULTS: &str = r#"
-[[faults]] # 1: cleared before it takes hold
+[[faults]] # 1: cleared before it takes effect
 kind = "bias"
 at_s = 0.05
 effects = [{ target = "measured.surface_angle_rad", bias = 1.0 }]
@@ -149,7 +149,7 @@ fn live_faults_become_scenario_faults_at_the_steps_at_which_they_took_hold() {
         "# Fault 1 of the scenario, `bias`, is left out: ",
         "# Fault 2 of the scenario, `bias`, is left out: ",
         "# Live fault 5, requested before step 20 (0.02 s): at once.",
-        "# Live fault 6, requested before step 31 (0.031 s): when `measured.surface_angle_rad > 1` has held for 3 steps; it never took hold.",
+        "# Live fault 6, requested before step 31 (0.031 s): when `measured.surface_angle_rad > 1` has held for 3 steps; it never took effect.",
         "# Live fault 7, requested before step 32 (0.032 s): when `measured.surface_angle_rad > 1` has held for 3 steps, 2 times.",
     ] {
         assert!(text.contains(comment), "no {comment} in {text}");

@@ -1,8 +1,8 @@
 //! Comparison of the replayed with the recorded values, answer by answer.
 //!
 //! The [host](super::host) passes each answer as it arrives. Signals are matched by name and unit, so a rebuilt
-//! controller may expose more or fewer of them. The last samples up to shortly after the first difference are
-//! retained for the person who looks for its cause. Memory is allocated only at the first step with a difference.
+//! controller may expose more or fewer signals. The samples around the first difference are retained for the person who
+//! looks for its cause. Memory is allocated only at the first step with a difference.
 
 use std::collections::BTreeSet;
 
@@ -40,10 +40,10 @@ pub(super) struct Comparison {
 struct Compared {
     name: String,
     unit: String,
-    /// Index among the recorded answers, and the number of the validity bit if that is compared.
+    /// Index among the recorded answers, and the number of the validity bit if it is compared.
     recorded: usize,
     recorded_bit: Option<usize>,
-    /// Index in the replayed frame, and of its validity bit.
+    /// Index in the replayed frame, and number of its validity bit there.
     replayed: usize,
     deviation: Deviation,
     /// Number of steps at which exactly one of the values is valid.

@@ -1,7 +1,7 @@
 //! The plant's side of a replay: speaks the protocol of a run over the link, with recorded samples.
 //!
-//! Like the plant's engine it never blocks on the controller: [`Host::poll`] does as much as possible and returns the
-//! event to wait for. The controller cannot distinguish it from a plant.
+//! Like the plant's engine, the host never blocks on the controller: [`Host::poll`] does as much as possible and
+//! returns the event to wait for. The controller cannot distinguish the host from a plant.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -25,7 +25,7 @@ use crate::arguments::tolerance::Tolerances;
 /// Event that the host waits for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
-    /// No event: the host made progress and should be polled again; a wait would start over.
+    /// No event: the host made progress and should be polled again; a new wait begins.
     Busy,
     /// Next message or frame of the controller.
     Controller,
@@ -344,7 +344,7 @@ impl<L: Link> Host<L> {
 }
 
 impl Original {
-    /// Returns the offer of the run that a controller receives.
+    /// Returns the plant's offer for the run, as the controller receives it.
     pub(super) fn offer(&self, session: u64) -> Offer<'_> {
         Offer {
             session,

@@ -1,4 +1,4 @@
-//! The recorded run as a replay needs it: its participants and the layout of its records.
+//! The recorded run in the form that a replay needs: its participants and the layout of its records.
 //!
 //! Built from the recording alone, so the plant of the run need not be on this machine. Recordings that lack
 //! part of the controller's input are refused.
@@ -22,7 +22,7 @@ pub(crate) struct Original {
     pub(super) run: PathBuf,
     pub(super) plan: Plan,
     pub(super) plant: PlantDescription,
-    /// Reference signals in its samples.
+    /// Reference signals in the samples.
     pub(super) reference: Vec<Field>,
     /// Hash of the controller's binary.
     pub(super) blake3: Option<String>,
@@ -55,8 +55,8 @@ pub(crate) struct AnswerPlace {
     pub(super) name: String,
     pub(super) unit: String,
     pub(super) word: usize,
-    /// Number of the value's own validity bit in the frame; `None` for a command, whose recorded bit reflects faults
-    /// on its way to the plant.
+    /// Number of the value's own validity bit in the frame; `None` for a command, whose recorded bit reflects faults on
+    /// its way to the plant.
     pub(super) bit: Option<usize>,
 }
 

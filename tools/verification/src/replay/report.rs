@@ -194,7 +194,7 @@ impl Report {
         if !self.whole {
             writeln!(
                 text,
-                "  the recording was cut off and is replayed as far as it goes; `hil recover {}` makes a complete file of it",
+                "  the recording was cut off and is replayed as far as possible; complete it with `hil recover {}`",
                 self.run
             )?;
         } else if self.steps + self.unanswered_steps < self.planned_steps {

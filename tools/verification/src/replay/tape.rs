@@ -1,8 +1,8 @@
 //! Samples and answers of a recorded run, read ahead on a separate thread.
 //!
-//! The [host](super::host) takes them in batches, of which there is a fixed number. A batch is passed on once it is
-//! known for each of its samples whether the controller saw it: in a real-time run a later record contains that
-//! information. The tape compares nothing.
+//! The [host](super::host) takes samples in batches, of which there is a fixed number. A batch is passed on once it is
+//! known for each of its samples whether the controller saw it, because in a real-time run only a later record contains
+//! that information. The tape compares nothing.
 
 use std::sync::mpsc::{Receiver, Sender, SyncSender, channel, sync_channel};
 use std::thread::JoinHandle;
@@ -31,7 +31,7 @@ pub(super) struct Row<'a> {
     pub(super) answer: &'a [f64],
 }
 
-/// Data of a sample and its answer other than their values.
+/// Data of a sample and its answer, except for their values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Head {
     pub(super) step: u64,
@@ -184,7 +184,7 @@ impl Winder {
             && (self.places.held_steps.is_none() || self.places.answered.is_none())
         {
             return Err(TapeError::Lacking(
-                "the run was in real time, and its recording does not say which samples its controller saw".into(),
+                "the run was in real time, and its recording does not state which samples its controller saw".into(),
             ));
         }
         while reader.advance()? {
@@ -206,7 +206,7 @@ impl Winder {
         while reader.advance()? {}
         if reader.result("lost").is_some_and(|lost| lost != "0") {
             return Err(TapeError::Lacking(format!(
-                "{} records were lost at its end; a replay needs every sample",
+                "{} records were lost at its end, but a replay needs every sample",
                 reader.result("lost").unwrap_or_default()
             )));
         }
@@ -252,14 +252,14 @@ impl Winder {
         let (step, expected) = (words[0], self.next);
         if step != expected {
             return Err(TapeError::Lacking(format!(
-                "found record {step} in place of record {expected}; a replay needs every sample from step 0 on"
+                "found record {step} in place of record {expected}, but a replay needs every sample from step 0 on"
             )));
         }
         let word = |place: Option<usize>| place.map_or(0, |place| words[place]);
         let epoch = word(self.places.epoch);
         if epoch > 1 {
             return Err(TapeError::Lacking(format!(
-                "at step {step} another controller had taken over; a replay has only one"
+                "at step {step} another controller had taken over, but a replay has only one"
             )));
         }
         let mut head = Head {
@@ -293,7 +293,7 @@ impl Winder {
     }
 
     /// Determines the fate of all samples before a step: the last of them was answered by these words, if any, and
-    /// those before it as `answered` says. The rest were not seen.
+    /// those before it as stated by `answered`. The rest were not seen.
     fn close(&mut self, end: u64, answered: &Answered, words: Option<&[u64]>) {
         let first = self.next - self.batch.len() as u64;
         for step in self.open_from..end {

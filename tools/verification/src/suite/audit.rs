@@ -1,8 +1,9 @@
 //! `hil run --audit`: checks that a scenario has one digest with these binaries, regardless of external conditions.
 //!
 //! The scenario is run as requested, then again under [conditions] that must not matter: other speeds, other cores,
-//! busy cores, slow sides. Each is a case of the suite: a whole run of the same binaries in its own session, folder
-//! and processes, so that addresses, process IDs and names differ as well. The first difference of each is reported.
+//! busy cores, slow sides. Each of these is a case of the suite: a whole run of the same binaries in its own session,
+//! folder and processes, so that addresses, process IDs and names differ as well. The first difference of each case is
+//! reported.
 
 mod conditions;
 
@@ -74,7 +75,7 @@ pub(super) fn refuse_arguments(arguments: &RunArguments) -> Result<(), Failure> 
     Ok(())
 }
 
-/// Runs a case, and again under every condition.
+/// Runs a case once, and again under every condition.
 ///
 /// # Errors
 /// If a run could not be started, or results cannot be written.
@@ -136,7 +137,7 @@ fn refuse(case: &Case) -> Result<(), Failure> {
     Err(Failure::usage(why))
 }
 
-/// Reports the outcome of a repetition, and keeps its folder if it differs.
+/// Reports the outcome of a repetition, and keeps its folder if the digest differs.
 fn ended(row: &mut Row) -> Result<(), EarlyResult> {
     let Some(ran) = &row.ran else {
         let failure = row.failure.take();

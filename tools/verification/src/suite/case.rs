@@ -21,13 +21,13 @@ pub(super) struct Case {
     /// Name in tables and folders: the scenario, with a number if there are several runs, or the condition of an
     /// audit.
     pub(super) label: String,
-    /// Source of its scenario.
+    /// Source of the case's scenario.
     pub(super) origin: String,
     /// Index of the first case with the same scenario.
     pub(super) first: usize,
     /// Set if the cores are kept busy during the run.
     pub(super) noise: bool,
-    /// Reason why this machine or plant cannot run it.
+    /// Reason why this machine or plant cannot run the case.
     pub(super) skipped: Option<String>,
 }
 
@@ -36,15 +36,15 @@ pub(super) struct Row {
     pub(super) label: String,
     /// Law of the controller.
     pub(super) law: String,
-    /// Source of its scenario.
+    /// Source of the run's scenario.
     pub(super) origin: String,
     pub(super) exit: Exit,
-    /// Reason why it was not run.
+    /// Reason why the case was not run.
     pub(super) skipped: Option<String>,
-    /// Error of starting it or writing its summary.
+    /// Error of starting the run or writing its summary.
     pub(super) failure: Option<Failure>,
     pub(super) disagreement: Option<Disagreement>,
-    /// `None` if it was never started, or if this process did not see its end.
+    /// `None` if the run was never started, or if this process did not see its end.
     pub(super) ran: Option<RunResult>,
     /// Data of a run that a killed `hil` had begun, from its folder.
     pub(super) begun: Option<Begun>,
@@ -130,7 +130,7 @@ impl Case {
     }
 }
 
-/// Converts a panic of a run to an error, since other runs continue in other threads.
+/// Converts a panic of a run to an error, because other runs continue in other threads.
 fn isolated<T>(run: impl FnOnce() -> Result<T, Failure>) -> Result<T, Failure> {
     // The state of a panicked run is discarded, so it cannot be observed broken.
     catch_unwind(AssertUnwindSafe(run))
@@ -154,7 +154,7 @@ impl Row {
         }
     }
 
-    /// Returns the verdict in one word. It follows the exit code, which separates findings from infrastructure
+    /// Returns the verdict in one word. The verdict follows the exit code, which separates findings from infrastructure
     /// failures: a diverged run is a `fail` here, but `aborted` in its own summary.
     pub(super) const fn verdict(&self) -> &'static str {
         match (self.exit, &self.ran) {
@@ -177,7 +177,7 @@ impl Row {
         matches!(self.exit, Exit::Pass | Exit::Failed)
     }
 
-    /// Returns the digest of its records, if there is one.
+    /// Returns the digest of the run's records, if there is one.
     pub(super) fn digest(&self) -> Option<&str> {
         self.ran.as_ref()?.summary.digest.as_deref()
     }

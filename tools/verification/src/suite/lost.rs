@@ -1,5 +1,5 @@
-//! Reports of a suite whose `hil` was killed: each run that had begun, with the verdict from its folder, and the rest
-//! as not run.
+//! Reports of a suite whose `hil` was killed: each run that had begun has the verdict from its folder, and all other
+//! runs are listed as not run.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,5 @@
-//! Execution of cases, several at a time; each is compared with the first run of its scenario once both have ended.
+//! Execution of cases, several at a time; each case is compared with the first run of its scenario once both have
+//! ended.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};

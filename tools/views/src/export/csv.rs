@@ -1,7 +1,7 @@
 //! A table as comma-separated values.
 //!
-//! A header with the names, then a line for each row. Numbers are written in the shortest form that reads back as
-//! the same bits, undefined ones as `NaN`, flags as `true` and `false`. The cell of a missing time or count is
+//! A header with the names, then a line for each row. Numbers are written in the shortest form that reads back as the
+//! same bits, undefined numbers as `NaN`, and flags as `true` and `false`. The cell of a missing time or count is
 //! empty.
 
 use std::io::{self, Write};

@@ -11,12 +11,12 @@ use hil_recording::reader::RunReader;
 
 use super::cell::Column;
 
-/// Reconstructs the run of a recording; the error is the reason if that is impossible.
+/// Reconstructs the run of a recording; the error is the reason why that is impossible.
 pub(super) fn recorded_run(reader: &RunReader) -> Result<RecordedRun, String> {
     RecordedRun::of(reader, reader.path()).map_err(|failure| failure.reason())
 }
 
-/// Returns the derived signals of a run's scenario, in its order.
+/// Returns the derived signals of a run's scenario, in the order of the scenario.
 pub(super) fn derived(run: RecordedRun, reader: &RunReader) -> Result<Derived, String> {
     let recorded = reader.columns().iter().filter(|column| column.is_signal());
     if recorded.count() != run.plan.record_layout(&run.plant, &run.law).values() {
@@ -36,7 +36,7 @@ pub(super) struct Derived {
 }
 
 impl Derived {
-    /// Returns their values at the step of a record.
+    /// Returns the values of the derived signals at the step of a record.
     pub(super) fn of(&mut self, record: &[u64]) -> &[f64] {
         self.evaluation.record(record)
     }

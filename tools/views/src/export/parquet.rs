@@ -1,7 +1,7 @@
 //! A table as Apache Parquet, for pandas, Polars, DuckDB and MATLAB.
 //!
-//! Undefined numbers are NaN, missing times and counts are null. Rows are buffered until a row group is complete,
-//! the only memory that grows with the table. Units and provenance are key-value metadata of the file.
+//! Undefined numbers are NaN, and missing times and counts are null. Rows are buffered until a row group is complete,
+//! which is the only memory that grows with the table. Units and provenance are key-value metadata of the file.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -24,7 +24,7 @@ pub(super) struct Parquet<W: Write + Send> {
 /// Cells of a column in the type in which they are written.
 enum Held {
     Numbers(Vec<f64>),
-    /// Counts that exist; if they may be missing, for each row 1 if it has a count, else 0.
+    /// Existing counts; if counts may be missing, also 1 or 0 for each row, depending on whether it has a count.
     Counts(Vec<i64>, Option<Vec<i16>>),
     Flags(Vec<bool>),
 }

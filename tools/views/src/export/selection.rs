@@ -32,7 +32,7 @@ enum Source {
     Number(usize),
     /// Word that holds a count.
     Count(usize),
-    /// Measured time, 0 where nothing was measured.
+    /// Measured time; 0 where nothing was measured.
     Measured(usize),
     /// Word of a sample-command exchange, which the last record of a run lacks.
     Exchanged(usize),
@@ -137,7 +137,8 @@ impl Offer {
             .collect())
     }
 
-    /// Returns the indices of the selected columns in the order of the patterns; of all signals without patterns.
+    /// Returns the indices of the selected columns in the order of the patterns, or of all signals if there are no
+    /// patterns.
     fn chosen(&self, reader: &RunReader, patterns: &[String]) -> Result<Vec<usize>, Failure> {
         let all = 0..self.columns.len();
         if patterns.is_empty() {

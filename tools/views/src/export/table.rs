@@ -1,4 +1,4 @@
-//! A table being written, in the form that was chosen.
+//! A table being written, in the selected format.
 
 use std::io;
 

@@ -16,8 +16,8 @@ struct Line {
     arguments: ExportArguments,
 }
 
-/// Returns the truth at a step: all values differ and need all their digits. One is a negative zero, as another recorder
-/// writes it.
+/// Returns the truth at a step: all values differ and need all their digits. One is a negative zero, as another
+/// recorder writes it.
 fn truth(step: u64) -> f64 {
     match step {
         9 => -0.0,

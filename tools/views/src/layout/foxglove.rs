@@ -1,4 +1,4 @@
-//! Foxglove layout, which Lichtblick reads as well: a tab per page below a band that shows the latest event.
+//! Foxglove layout, which Lichtblick can also read: a tab for each page below a band that shows the latest event.
 
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::output;
@@ -14,7 +14,7 @@ const TABS: &str = "Tab!hil";
 const EVENTS: &str = "StateTransitions!events";
 /// Height of the band, in per cent.
 const BAND: u32 = 16;
-/// Threshold for an explicit axis range: axes show three decimals, so smaller values would draw a flat line.
+/// Threshold for an explicit axis range: axes show three decimals, so smaller values would appear as a flat line.
 const SMALL: f64 = 1e-3;
 
 pub(super) fn text(pages: &[Page], ranges: &Ranges) -> Result<String, Failure> {
@@ -111,7 +111,7 @@ fn config(plot: &Plot, ranges: &Ranges) -> Value {
     config
 }
 
-/// Returns explicit ends of a vertical axis for small values, rounded so that similar runs fit; else `None`.
+/// Returns explicit ends of a vertical axis for small values, rounded so that similar runs fit; otherwise `None`.
 fn bounds(plot: &Plot, ranges: &Ranges) -> Option<[f64; 2]> {
     let (mut least, mut greatest) = (0.0, 0.0);
     for [low, high] in plot.signals.iter().filter_map(|curve| ranges.get(curve)) {

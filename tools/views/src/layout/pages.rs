@@ -9,7 +9,7 @@ use crate::plots::bounds::bounds;
 use crate::plots::{Choice, Plot, Subject, choose};
 use hil_recording::reader::Column;
 
-/// Maximum number of plots on a page; further ones go to the next.
+/// Maximum number of plots on a page; further plots go to the next page.
 const PLOTS: usize = 8;
 
 /// Plots shown together.

@@ -1,4 +1,4 @@
-//! PlotJuggler 3 layout: a tab per page, two plots in a row. PlotJuggler computes tracking errors itself.
+//! PlotJuggler 3 layout: a tab for each page, two plots in a row. PlotJuggler computes tracking errors itself.
 
 use std::collections::BTreeSet;
 use std::io;
@@ -12,14 +12,14 @@ use crate::plots::Plot;
 
 type Xml = Writer<Vec<u8>>;
 
-/// Curve colours, used in rotation; without one PlotJuggler draws black.
+/// Curve colours, used in rotation; PlotJuggler draws a curve without a colour in black.
 const COLOURS: [&str; 8] = [
     "#1f77b4", "#d62728", "#1ac938", "#ff7f0e", "#9467bd", "#17becf", "#bcbd22", "#f14cc1",
 ];
 /// Number of plots in a row.
 const IN_ROW: usize = 2;
 
-/// Renders the layout. A recording name, given if it lies beside the layout, makes PlotJuggler load it too.
+/// Renders the layout. A recording name, given if the recording lies next to the layout, makes PlotJuggler load it too.
 pub(super) fn text(pages: &[Page], recording: Option<&str>) -> io::Result<String> {
     let mut xml = Writer::new_with_indent(Vec::new(), b' ', 1);
     xml.write_event(Event::Decl(BytesDecl::new("1.0", Some("UTF-8"), None)))?;
@@ -114,8 +114,8 @@ fn area(xml: &mut Xml, plot: &Plot) -> io::Result<()> {
     })
 }
 
-/// Returns a plot and, for a reference with its tracking signal, a second plot of their difference, which is too
-/// small to see in the first.
+/// Returns a plot and, for a reference with its tracking signal, a second plot of their difference, which is too small
+/// to see in the first.
 fn with_error(plot: &Plot) -> Vec<Plot> {
     let error = tracked(plot).map(|name| Plot {
         title: format!("error of {name}"),

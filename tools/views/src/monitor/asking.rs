@@ -112,7 +112,7 @@ pub(crate) fn ask_faults(session: &SessionInfo, model: &SharedModel, limit: Dura
 /// Sends a user's request and formats the answer in one line.
 ///
 /// # Errors
-/// If the request was not carried out, with the reason.
+/// If the request was not carried out; the error states the reason.
 pub(crate) fn met(
     session: &SessionInfo,
     model: &SharedModel,

@@ -21,7 +21,7 @@ const MANY_STEPS: u64 = 100;
 /// Capabilities of a terminal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Abilities {
-    /// `true` if it shows characters beyond ASCII.
+    /// `true` if the terminal shows characters beyond ASCII.
     pub unicode: bool,
     /// `true` if colours are enabled.
     pub colour: bool,

@@ -4,7 +4,7 @@
 //! encodes the protocol. Channels and schemas equal those of `run.mcap`, so a layout made for the file works live.
 //! Clients are read-only: nothing they send reaches the run.
 //!
-//! Never waits for a client. A slow client gets fewer records and is told how many it missed.
+//! The server never waits for a client. A slow client gets fewer records and is told how many it missed.
 
 pub(crate) mod message;
 pub(crate) mod outlet;
@@ -56,7 +56,7 @@ impl Serving {
     /// Starts a server at an address.
     ///
     /// # Errors
-    /// If it cannot listen at the address.
+    /// If the server cannot listen at the address.
     pub(crate) fn start(
         address: SocketAddr,
         session: &SessionInfo,

@@ -50,7 +50,7 @@ impl Range {
 /// Time interval of a level.
 #[derive(Clone, Copy)]
 struct Bin {
-    /// Index in its level, counted from step 0.
+    /// Index of the bin in its level, counted from step 0.
     number: u64,
     range: Range,
 }
@@ -155,8 +155,8 @@ impl History {
         ranges
     }
 
-    /// Returns the extremes of `count` intervals of `2^shift` steps each, beginning with index `first`; `None`
-    /// where no value was recorded or it was overwritten. Exact, because intervals are aligned to bins.
+    /// Returns the extremes of `count` intervals of `2^shift` steps each, beginning with index `first`; `None` where no
+    /// value was recorded or the value was overwritten. Exact, because intervals are aligned to bins.
     pub(crate) fn stretches(
         &self,
         first: u64,

@@ -1,7 +1,7 @@
 //! Terminal input of the view: keys and size changes.
 //!
-//! Input is read on its own thread, because crossterm polls forever on a terminal that has been closed. The view's
-//! loop checks for that itself.
+//! Input is read on its own thread, because crossterm polls forever on a terminal that has been closed. The view's loop
+//! checks for a closed terminal itself.
 
 use std::io;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};

@@ -1,18 +1,18 @@
 //! Event log of the watched session: every event of the run, once and in order.
 //!
-//! The stream delivers events at once, but only from when the observer joined, and a slow observer loses some. The
+//! The stream delivers events at once, but only those after the observer joined, and a slow observer loses some. The
 //! recorder's [list of events](hil_facts::session::happening) is complete, but may arrive before or after the stream.
-//! Where the two differ, that list is authoritative.
+//! If the two differ, that list is authoritative.
 
 use hil_facts::session::happening::Happening;
 
 /// Events of a run, merged from the stream and the recorder's account.
 #[derive(Debug, Default)]
 pub struct Log {
-    /// Events of the account received so far, then those only the stream has delivered.
+    /// Events of the account received so far, followed by those that only the stream has delivered.
     list: Vec<Happening>,
     known: usize,
-    /// Index in the account behind the last event that the stream has delivered too.
+    /// Index in the account after the last event that the stream has also delivered.
     seen: usize,
     edition: u32,
 }

@@ -135,7 +135,7 @@ impl Model {
     /// Sets the signals once the layout is known.
     ///
     /// # Errors
-    /// If a signal to be drawn is not among them.
+    /// If a signal to be drawn is not among the signals.
     pub(crate) fn attach(&mut self, layout: &RecordLayout) -> Result<(), Failure> {
         self.validity = layout.validity();
         // Patterns cannot select the signals computed for requirements.
@@ -247,7 +247,7 @@ impl Model {
     }
 
     /// Updates the requirements. No answer leaves a known state unchanged, and an answer after the end is ignored
-    /// as older than the summary.
+    /// because it is older than the summary.
     pub(crate) fn hear_standings(&mut self, standings: Option<Vec<Standing>>) {
         if self.ending.as_ref().is_some_and(|ending| ending.is_gone) {
             return;
@@ -259,7 +259,7 @@ impl Model {
         }
     }
 
-    /// Marks the session as ended. `verdict` is that of its summary, if there is one.
+    /// Marks the session as ended. `verdict` is the verdict of its summary, if there is one.
     pub fn end(&mut self, verdict: Option<String>) {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
@@ -387,7 +387,7 @@ impl Model {
         self.retunings
     }
 
-    /// Returns the columns of the panel's readings; empty for those of the plots.
+    /// Returns the columns of the panel's readings; empty for the signals of the plots.
     #[must_use]
     pub(crate) fn readings(&self) -> &[usize] {
         &self.readings

@@ -1,6 +1,6 @@
 //! Speed of a run and round-trip times over the last seconds.
 //!
-//! Fed with the timing of every record by the [model](super::model). Uses the clock of the records alone, so that a
+//! Fed with the timing of every record by the [model](super::model). Uses only the clock of the records, so that a
 //! burst that arrives late does not count as speed.
 
 use std::collections::VecDeque;
@@ -78,7 +78,7 @@ impl Pace {
         Some((newest.1 - first.1) as f64 / spent_s)
     }
 
-    /// Returns percentiles of the round trips in the time window; `None` without any.
+    /// Returns percentiles of the round trips in the time window; `None` if there are none.
     #[must_use]
     pub(crate) fn round_trips(&self) -> Option<Percentiles> {
         let newest = self.seconds.iter().map(|(second, _)| *second).max()?;

@@ -50,8 +50,8 @@ impl Plot {
     }
 }
 
-/// Returns the plots of some patterns in order; without patterns the first plots of the run, whose requirements
-/// have these bounds.
+/// Returns the plots of some patterns in order; without patterns, the first plots of the run, whose requirements have
+/// these bounds.
 ///
 /// # Errors
 /// If a pattern is invalid, no signal matches it, or too many do.
@@ -120,7 +120,7 @@ pub(crate) fn chosen(
 /// Returns the columns that the panel's readings select; a pattern may match none.
 ///
 /// # Errors
-/// If a pattern is invalid, or they select too many.
+/// If a pattern is invalid, or the patterns select too many signals.
 pub(crate) fn readings(columns: &[Column], patterns: &[String]) -> Result<Vec<usize>, Failure> {
     let mut indices = Vec::new();
     for text in patterns {

@@ -1,6 +1,6 @@
 //! Faults injected with a key: the words after `--inject`, checked before the view opens.
 //!
-//! They have the syntax of `hil inject` and become the same request. They are checked here as the plant will check
+//! The words have the syntax of `hil inject` and become the same request. They are checked here as the plant will check
 //! them, so that a mistake is refused at the start and not in the middle of a run.
 
 use std::ffi::OsString;
@@ -49,7 +49,7 @@ pub(crate) fn all(
     }
     if texts.len() > MOST {
         let message = format!(
-            "{} faults are prepared, but only {MOST} keys are available",
+            "{} faults are prepared, but there are only {MOST} keys; omit some",
             texts.len()
         );
         return Err(Refusal::new(message).into());
@@ -75,7 +75,7 @@ pub(crate) fn all(
 /// Returns the signals of a session, which are available once both sides are connected.
 ///
 /// # Errors
-/// If the session ends before that.
+/// If the session ends earlier.
 pub(crate) fn layout(session: &SessionInfo) -> Result<RecordLayout, RequestError> {
     let since = Instant::now();
     loop {

@@ -20,7 +20,7 @@ const PICTURE: Duration = Duration::from_millis(100);
 /// Shows the session until the user quits.
 ///
 /// # Errors
-/// If the session cannot be watched, the terminal cannot be used, or a signal arrived.
+/// If the session cannot be watched, if the terminal cannot be used, or if a signal arrived.
 pub(crate) fn show(
     model: &SharedModel,
     watch: &Watch,

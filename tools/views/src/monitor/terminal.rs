@@ -1,7 +1,7 @@
 //! Terminal set up for the view and restored afterwards.
 //!
-//! However the view ends, by a return, an error, a panic or a signal, the terminal is restored: the guard is
-//! dropped on the way out, and the panic hook, which may run on another thread, restores it before printing.
+//! However the view ends (by a return, an error, a panic or a signal), the terminal is restored: the guard is dropped
+//! on the way out, and the panic hook, which may run on another thread, restores the terminal before printing.
 
 use std::io::{self, Stdout, stdout};
 use std::mem::ManuallyDrop;

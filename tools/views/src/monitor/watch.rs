@@ -1,7 +1,7 @@
 //! Background thread that watches the session from before its first step until its summary.
 //!
-//! The thread sleeps between polls of the stream. It never waits for a terminal, because records it does not read
-//! in time are lost. Lost events are read from the recording once the run has ended.
+//! The thread sleeps between polls of the stream. It never waits for a terminal, because records that are not read in
+//! time are lost. Lost events are read from the recording once the run has ended.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -138,7 +138,7 @@ impl WatchThread {
         self.stop.load(Ordering::Acquire)
     }
 
-    /// Attaches as soon as the session allows it; `None` if it ends before.
+    /// Attaches as soon as the session allows it; `None` if the session ends earlier.
     fn attach(&mut self, tried: &Sender<()>) -> Result<Option<Observer>, Failure> {
         while !self.is_over() && self.session.is_there() {
             self.find_run_dir();
@@ -228,7 +228,7 @@ impl WatchThread {
         }
     }
 
-    /// Finds the folder of the run while the session exists: a session just created does not name it yet.
+    /// Finds the folder of the run while the session exists: a newly created session does not name the folder yet.
     fn find_run_dir(&self) -> Option<PathBuf> {
         let run_dir = self.model.lock().run_dir.clone();
         run_dir.or_else(|| {

@@ -68,10 +68,10 @@ impl Board {
         self.is_over.load(Ordering::Acquire)
     }
 
-    /// Returns the faults that the session supports, asking it on the first call.
+    /// Returns the faults that the session supports, querying the session on the first call.
     ///
     /// # Errors
-    /// If it does not answer.
+    /// If the session does not answer.
     pub(super) fn ask_possible(&self) -> Result<&(Possible, RecordLayout), RequestError> {
         if let Some(cached) = self.possible.get() {
             return Ok(cached);
@@ -158,7 +158,7 @@ impl Board {
     /// Carries out an action on the session and returns the result as text.
     ///
     /// # Errors
-    /// If the action was not carried out, with the reason.
+    /// If the action was not carried out; the error states the reason.
     pub(super) fn act(&self, action: &Action) -> Result<String, String> {
         let _alone = self.doing.lock().unwrap_or_else(PoisonError::into_inner);
         let request = match (action.request(), action) {
@@ -181,7 +181,7 @@ impl Board {
         // Pages must not read files of this machine.
         let mut split = shlex::split(words).unwrap_or_default().into_iter();
         if split.any(|word| word.starts_with("--tab")) {
-            return Err("--table reads a file; use `hil inject` for it".into());
+            return Err("--table reads a file, which the panel cannot; use `hil inject`".into());
         }
         let (possible, layout) = self.ask_possible().map_err(in_words)?;
         let plan = self.model.lock().plan().clone();

@@ -1,6 +1,6 @@
-//! Authenticated page: sends it updates and handles its requests.
+//! Authenticated page: sends updates to the page and handles its requests.
 //!
-//! There is no queue of points. Once the page has taken the last points, the next ones are made from the current
+//! There is no queue of points. Once the page has taken the last points, the next points are made from the current
 //! model: a slow page gets fewer points, never older ones, and a page that reads nothing costs nothing.
 
 use std::io::ErrorKind;
@@ -54,7 +54,7 @@ pub(crate) struct Client<'a> {
     socket: WebSocket<TcpStream>,
     board: &'a Arc<Board>,
     view: View,
-    /// Number of the last points sent, and of the last acknowledged.
+    /// Number of the points sent last, and of the points acknowledged last.
     sent: u32,
     seen: u32,
     /// Edition of the log, and the number of events sent.

@@ -1,7 +1,7 @@
 //! Messages between a page and its server: JSON in both directions, and points as bytes.
 //!
-//! Nothing from a page is trusted: unknown messages are refused, and numbers are bounded before use. Points of a
-//! signal are minimum and maximum of equal time intervals, so that no spike is lost however few they are.
+//! Nothing from a page is trusted: unknown messages are refused, and numbers are bounded before use. Points of a signal
+//! are the minimum and maximum of equal time intervals, so that no spike is lost however few they are.
 
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -112,7 +112,7 @@ impl Action {
 /// Parses a message of a page.
 ///
 /// # Errors
-/// If it is malformed.
+/// If the message is malformed.
 pub fn parse(text: &str) -> Result<ClientMessage, String> {
     let message =
         serde_json::from_str(text).map_err(|error| format!("malformed message: {error}"))?;
@@ -140,8 +140,8 @@ pub(super) fn over(text: &str) -> String {
     json!({ "tell": "over", "text": text }).to_string()
 }
 
-/// Encodes events not yet sent to a page; `None` if there are none. `sent` is the edition of the log and the number
-/// of events sent.
+/// Encodes events not yet sent to a page; `None` if there are none. `sent` has the edition of the log and the number of
+/// events sent.
 pub(super) fn log(log: &Log, sent: &mut (u32, usize)) -> Option<Value> {
     let edition = log.edition();
     let (of, from) = *sent;
@@ -185,7 +185,7 @@ impl View {
         }
     }
 
-    /// Encodes points from the last sent ones on, or for a whole window; `None` if there are no new ones.
+    /// Encodes points from the last sent ones on, or for a whole window; `None` if there are no new points.
     pub(super) fn points(&mut self, model: &Model, number: u32) -> Option<Vec<u8>> {
         let newest = model.seen()?;
         let last = newest >> self.shift;

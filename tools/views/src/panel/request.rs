@@ -1,9 +1,9 @@
 //! Checks of HTTP requests before they are answered: one page and one WebSocket, for pages of this machine alone.
 //!
 //! A pure function of the received bytes. [`Host`](HttpRequest) must be a loopback address, which defeats DNS
-//! rebinding; `Origin` must be that of the page, which keeps out foreign pages. Browsers send no `Origin` when they
-//! navigate to a page, so it may be missing there, but then the fetch metadata must describe a navigation. The page
-//! itself contains no data of the run.
+//! rebinding; `Origin` must be the origin of the page, which keeps out foreign pages. Browsers send no `Origin` when
+//! they navigate to a page, so the header may be missing there, but then the fetch metadata must describe a navigation.
+//! The page itself contains no data of the run.
 
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr};
 
@@ -60,7 +60,7 @@ const fn refused(status: &'static str, reason: &'static str) -> Verdict {
     Verdict::Refused(Refused { status, reason })
 }
 
-/// Checks the beginning of what a client sent.
+/// Checks the first bytes sent by a client.
 #[must_use]
 pub fn judge(bytes: &[u8]) -> Verdict {
     let mut lines = [httparse::EMPTY_HEADER; LINES];

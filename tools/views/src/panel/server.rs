@@ -1,8 +1,8 @@
 //! HTTP server of the page, bound to the loopback interface, with limits on connections and time.
 //!
 //! Each connection has its own thread, which never delays the thread that watches the session: it reads the
-//! [model](crate::monitor::model) only when its page can receive something. Unauthenticated connections are limited
-//! to a few seconds and bytes; clients that know the secret are served by [`client`](super::client).
+//! [model](crate::monitor::model) only when its page can receive something. Unauthenticated connections are limited to
+//! a few seconds and bytes; clients that know the secret are served by [`client`](super::client).
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -198,7 +198,8 @@ impl Shared {
             return;
         }
         let Some(_client) = Place::take(&self.clients, CLIENTS) else {
-            let reason = format!("{CLIENTS} pages are open, the maximum");
+            let reason =
+                format!("{CLIENTS} pages are already open, which is the maximum; close one");
             let _ = socket.send(message::over(&reason).into()); // the peer may be gone
             let _ = socket.close(None);
             return;
@@ -208,7 +209,7 @@ impl Shared {
     }
 }
 
-/// Compares in constant time, independent of the first difference.
+/// Compares in constant time, wherever the first difference is.
 fn is_same(text: &str, secret: &str) -> bool {
     let pairs = text.bytes().zip(secret.bytes());
     text.len() == secret.len() && pairs.fold(0, |sum, (a, b)| sum | (a ^ b)) == 0
@@ -252,7 +253,8 @@ fn say(stream: &mut TcpStream, mut bytes: &[u8], until: Instant) {
     }
 }
 
-/// Ends a connection; reads what the client still sends for a while, or the client could lose the response.
+/// Ends a connection; reads the client's remaining data for a while, because the client could otherwise lose the
+/// response.
 fn part(stream: &mut TcpStream, until: Instant) {
     let _ = stream.shutdown(std::net::Shutdown::Write); // the peer may be gone
     let mut bytes = [0; 2048];

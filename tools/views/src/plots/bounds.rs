@@ -16,8 +16,8 @@ pub struct Bound {
     relation: &'static str,
     /// Level or second signal.
     pub other: Other,
-    /// Sign of the comparison's margin within that of the requirement, `true` for the opposite sign; `None` if it
-    /// occurs with both.
+    /// Sign of the comparison's margin within the margin of the requirement, `true` for the opposite sign; `None` if
+    /// both signs occur.
     is_turned: Option<bool>,
     /// First and last time in s at which the comparison may apply.
     pub window_s: [f64; 2],
@@ -107,7 +107,7 @@ impl BoundedSignal {
 
 impl Bound {
     /// Returns the values of both sides if their margin equals that of the whole requirement, which means that this
-    /// comparison decides. `values` returns the values that a signal may have had at that time.
+    /// comparison decides it. `values` returns the values that a signal may have had at that time.
     pub(crate) fn decisive(
         &self,
         margin: f64,

@@ -8,7 +8,7 @@ use super::Plot;
 use hil_recording::reader::Column;
 use hil_recording::schema::column_name;
 
-/// Maximum length of a list of names used as a title, and of a name beside a curve.
+/// Maximum length of a list of names used as a title, and of a name next to a curve.
 const SHORT: usize = 16;
 
 /// Signal that can be plotted.
@@ -90,7 +90,7 @@ impl<'a> Signal<'a> {
     }
 }
 
-/// Splits a recorded signal into group and name; `None` for derived ones and for expressions.
+/// Splits a recorded signal into group and name; `None` for derived signals and for expressions.
 fn apart(column: &str) -> Option<(&str, &str)> {
     let (group, name) = column.split_once('.')?;
     let is_group = Group::ALL.iter().any(|one| one.prefix() == group);
@@ -109,7 +109,7 @@ pub fn recorded_name(name: &str) -> String {
 
 /// Replaces aliases of variables in patterns by the names used in a run.
 ///
-/// `names` are the names and `aliases` pairs of alias and name. A pattern stays as it is if it is an exact name, if
+/// `names` are the names and `aliases` pairs of alias and name. A pattern remains unchanged if it is an exact name, if
 /// it matches only names, or if it matches nothing.
 #[must_use]
 pub(crate) fn own_names<'a>(
@@ -140,8 +140,8 @@ pub(crate) fn own_names<'a>(
     own
 }
 
-/// Returns a title for signals: the common part of their names with `*` for the rest, or the list of names if it is
-/// short or they have nothing in common.
+/// Returns a title for signals: the common part of their names with `*` for the rest, or the list of names if the list
+/// is short or the names have nothing in common.
 pub(super) fn title(signals: &[Signal<'_>]) -> String {
     let first = &signals[0];
     let all = |same: &dyn Fn(&Signal<'_>) -> bool| signals.iter().all(same);
@@ -165,9 +165,9 @@ pub(super) fn title(signals: &[Signal<'_>]) -> String {
     }
 }
 
-/// Returns labels that distinguish the curves of a plot, given its title: groups if the names are equal; names
-/// without their unit if they are short; else group and the numbers behind the title's `*` if that is enough. A
-/// single curve named by the title has none.
+/// Returns labels that distinguish the curves of a plot, given its title: groups if the names are equal; names without
+/// their unit if they are short; otherwise group and the numbers behind the title's `*`, if these suffice. A single
+/// curve named by the title has no label.
 #[must_use]
 pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     let signals: Vec<Signal<'_>> = (plot.signals.iter())

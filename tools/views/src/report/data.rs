@@ -191,7 +191,7 @@ impl HistogramData {
     }
 }
 
-/// Encodes each signal once: many are equal to another, like a sensor without a fault.
+/// Encodes each signal only once, because many signals are equal to another, like a sensor without a fault.
 fn written(signals: &Signals) -> BTreeMap<String, SignalData> {
     let mut written: Vec<(&str, &Envelope)> = Vec::new();
     let mut data = BTreeMap::new();

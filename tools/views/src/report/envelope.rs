@@ -1,6 +1,6 @@
 //! Minimum and maximum of a signal in each bucket of a grid.
 //!
-//! Both are kept, so a one-step spike has its full height in the report at any zoom level. A bucket of one step
+//! Both are kept, so that a one-step spike has its full height in the report at any zoom level. A bucket of one step
 //! shows the value itself, in single precision where that is enough.
 
 use base64::Engine as _;
@@ -10,7 +10,7 @@ use serde::Serialize;
 /// Half the range of single precision: larger magnitudes, and those below its inverse, are written in double
 /// precision.
 const SINGLE: f64 = 1e37;
-/// Relative difference of values below which they are written in double precision too.
+/// Relative difference of values below which double precision is also used.
 const FINE: f64 = 1e-4;
 
 /// Envelope of a signal over a grid.
@@ -24,7 +24,7 @@ pub struct Envelope {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Written {
-    /// The same value wherever the signal exists.
+    /// Same value wherever the signal exists.
     Constant {
         /// Value.
         value: f64,
@@ -40,7 +40,7 @@ pub enum Written {
         is_double: bool,
         /// Minimum of each bucket.
         least: String,
-        /// Maximum; empty if each bucket has one step, so that both are equal.
+        /// Maximum of each bucket; empty if each bucket has one step, so that both are equal.
         greatest: String,
     },
 }
@@ -80,7 +80,7 @@ impl Envelope {
         self.least.iter().any(|value| !value.is_nan())
     }
 
-    /// Returns the value if every bucket has one and it never changes.
+    /// Returns the value if every bucket has the same value.
     pub(super) fn constant(&self) -> Option<f64> {
         let first = *self.least.first()?;
         let is_it = |value: &f64| *value == first;

@@ -1,8 +1,8 @@
 //! Grid of simulated time shared by all envelopes of a report.
 //!
-//! Buckets are equally long where nothing happens and get shorter towards a time of interest, down to one step:
-//! zooming in on a fault shows every step of it, and the file stays small. Times are nanoseconds, so runs of
-//! different rates share one grid.
+//! Buckets are equally long where nothing happens and become shorter towards a time of interest, down to one step:
+//! zooming in on a fault shows every step, and the file remains small. Times are nanoseconds, so runs of different
+//! rates share one grid.
 
 use shared_types::time::{Rate, Step};
 

@@ -1,7 +1,7 @@
-//! Labels of a report's runs: for each the shortest one that distinguishes it from the others.
+//! Labels of a report's runs: for each run the shortest label that distinguishes it from the others.
 //!
-//! The law, else scenario and law; runs that share these are distinguished by the settings in which they differ, in
-//! the form of `--set`, and then by their programs. Only indistinguishable runs are numbered.
+//! A label is the law, or else scenario and law. Runs that share these are distinguished by the settings in which they
+//! differ, in the form of `--set`, and then by their programs. Only indistinguishable runs are numbered.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,7 +20,7 @@ struct Facts {
     scenario: String,
     /// Settings of the effective scenario, by key.
     settings: BTreeMap<String, String>,
-    /// Hashes of its programs.
+    /// Hashes of the run's programs.
     programs: [String; 2],
 }
 
@@ -63,7 +63,7 @@ fn labels(facts: &[Facts]) -> Vec<String> {
     labels
 }
 
-/// Extends each label shared by several runs by what distinguishes them.
+/// Extends each label shared by several runs by distinguishing facts.
 fn add(labels: &mut [String], facts: &[Facts], differing: fn(&[&Facts]) -> Vec<String>) {
     let before = labels.to_vec();
     for label in before.iter().collect::<BTreeSet<_>>() {
@@ -115,7 +115,7 @@ fn differing_settings(runs: &[&Facts]) -> Vec<String> {
     runs.iter().map(of_run).collect()
 }
 
-/// Selects the few keys that distinguish most runs: greedily, each time the one that separates most of them.
+/// Selects the few keys that distinguish most runs: greedily, each time the key that separates most of them.
 fn telling<'a>(runs: &[&Facts], keys: &[&'a String]) -> Vec<&'a String> {
     let mut selected: Vec<&String> = Vec::new();
     while selected.len() < MOST {

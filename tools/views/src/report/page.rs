@@ -77,7 +77,7 @@ fn toolbar(runs: &[Run]) -> Markup {
             a href="#provenance" { "Provenance" }
             span.gap {}
             span.jumps { @for span in jumps(runs) {
-                button type="button" data-jump=(span.from_s) title="Zoom in on where it took hold" {
+                button type="button" data-jump=(span.from_s) title="Zoom in on where it took effect" {
                     "fault " (span.event) " " (span.kind)
                 }
             } }
@@ -92,7 +92,7 @@ fn toolbar(runs: &[Run]) -> Markup {
     }
 }
 
-/// Returns all faults, listing those that runs have in common once.
+/// Returns all faults; faults common to several runs are listed only once.
 fn jumps(runs: &[Run]) -> Vec<&Span> {
     let what = |one: &Span| (one.event, one.kind.clone(), one.from_s.to_bits());
     let spans = runs.iter().flat_map(|run| &run.spans);

@@ -91,7 +91,7 @@ impl Values for &[Signals] {
 }
 
 /// Returns the origins of a run's margins: the comparisons that decide them, or all comparisons of a requirement if
-/// none decides alone.
+/// none of them decides alone.
 fn marks(number: usize, run: &Run, signals: &Signals, bounds: &[Bound], grid: &Grid) -> Vec<Mark> {
     let mut marks = Vec::new();
     for judged in &run.requirements {

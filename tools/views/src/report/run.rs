@@ -1,7 +1,7 @@
 //! Recorded run as shown in a report.
 //!
-//! Read twice: first for its results, which determine the times of interest; then for its signals as envelopes over
-//! the resulting grid. Neither pass stores records, so memory does not grow with the length of a run.
+//! Read twice: first for its results, which determine the times of interest; then for its signals as envelopes over the
+//! resulting grid. Neither pass stores records, so memory does not grow with the length of a run.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ pub(super) struct Span {
     pub(super) event: u32,
     pub(super) kind: String,
     pub(super) from_s: f64,
-    /// End in s; `None` if it lasts to the end of the run.
+    /// End in s; `None` if the fault lasts to the end of the run.
     pub(super) until_s: Option<f64>,
 }
 
@@ -155,7 +155,7 @@ impl Run {
         self.recorded_run.as_ref().map(|run| &run.plan)
     }
 
-    /// Returns the aliases of its signals, each with the recorded name.
+    /// Returns the aliases of the run's signals, each with the recorded name.
     pub(super) fn aliases(&self) -> Vec<(String, String)> {
         let run = self.recorded_run.as_ref();
         run.map(RecordedRun::aliases).unwrap_or_default()
@@ -331,7 +331,7 @@ impl Signals {
     }
 }
 
-/// Returns the spans in which faults were active: one per event, from its first effect to the end of its last.
+/// Returns the spans in which faults were active: one for each event, from its first effect to the end of its last.
 fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
     let faults = &outcome.recorded.faults;
     let mut ends: BTreeMap<(u32, u32), u64> = BTreeMap::new();
@@ -363,7 +363,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
     spans
 }
 
-/// Returns elements in order, keeping the first of equal ones.
+/// Returns elements in order, keeping the first of equal elements.
 pub(super) fn distinct<T>(
     all: impl Iterator<Item = T>,
     are_same: impl Fn(&T, &T) -> bool,
@@ -377,7 +377,7 @@ pub(super) fn distinct<T>(
     unique
 }
 
-/// Returns verdict and requirements of the `summary.json` beside a recording.
+/// Returns verdict and requirements of the `summary.json` next to a recording.
 fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
     let folder = if run.is_dir() { run } else { run.parent()? };
     let text = std::fs::read_to_string(folder.join(SUMMARY)).ok()?;

@@ -115,7 +115,7 @@ fn numbers_follow_their_equations() {
             &[(1.0, -1e12, -1e12), (1.0, 3.0, 2.0)],
         ),
         ("dropout", &[], &[(0.0, 1.0, 1.0), (1.0, 2.0, 2.0)]),
-        // The fault takes hold at step 100: samples with the phase 1 of 4 are those of 101 and 105.
+        // The fault takes effect at step 100: samples with the phase 1 of 4 are those of 101 and 105.
         (
             "sample-hold",
             &[("every_steps", 4.0), ("phase_steps", 1.0)],

@@ -1,4 +1,4 @@
-//! Kinds that act on the time that a side takes.
+//! Kinds that act on the computing time of a side.
 
 use super::*;
 

@@ -1,6 +1,6 @@
 //! The named faults as a table: the moved parameters exist, are faultable, have room for the move and are documented.
-//! And the whole system under effects beyond the paper, where several equations interact; the equations themselves are
-//! tested in their files and in `golden`.
+//! Also tests the whole system under effects beyond the paper, where several equations interact; the equations
+//! themselves are tested in their files and in `golden`.
 
 use shared_types::describe::{MoveBy, Operation, ProfileDescription};
 use shared_types::table::{Field, Table};
@@ -113,7 +113,7 @@ fn every_fault_and_every_key_is_on_its_page() {
     }
 }
 
-/// Runs the plant under the proportional law from its start.
+/// Runs the plant under the proportional law from the start.
 fn controlled(parameters: &Parameters, duration_s: f64, substeps: u32) -> Truth {
     let rate = Rate::new(10_000.0).unwrap();
     let mut plant = start(parameters);

@@ -26,7 +26,7 @@ fn numbers<const N: usize>(value: &Value) -> [f64; N] {
     list.try_into().expect("as many numbers as expected")
 }
 
-/// Reads the parameters of a case; every one of them must be a parameter of the plant.
+/// Reads the parameters of a case; each must be a parameter of the plant.
 fn parameters(case: &Value) -> Parameters {
     let mut parameters = Parameters::default();
     let fields = Parameters::fields();
@@ -40,7 +40,7 @@ fn parameters(case: &Value) -> Parameters {
     parameters
 }
 
-/// Creates the plant in a state, with its spools at their null.
+/// Creates the plant in a state, with its spools at null.
 fn plant(parameters: &Parameters, state: State) -> Drhas {
     let spools = parameters.actuators().map(Spool::at_null);
     Drhas::new(parameters, state, spools)

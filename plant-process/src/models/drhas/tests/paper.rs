@@ -1,5 +1,5 @@
-//! The paper's experiment under its proportional law, against the checked values of an independent
-//! simulation (Tables 3 and 4 of the paper agree with them to the digits printed there).
+//! The paper's experiment under its proportional law, against the verified values of an independent simulation, with
+//! which Tables 3 and 4 of the paper agree to the printed digits.
 
 use shared_types::time::{Rate, Step};
 

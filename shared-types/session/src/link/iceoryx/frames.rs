@@ -1,4 +1,4 @@
-//! Frame channels: one blackboard service per direction, in one of a few sizes.
+//! Frame channels: one blackboard service in each direction, in one of a few sizes.
 
 use iceoryx2::port::reader::{BlackboardValue, EntryHandle};
 use iceoryx2::port::writer::EntryValueUninit;
@@ -12,7 +12,7 @@ use shared_types::side::Side;
 
 const LAYOUT: &str = "layout";
 
-/// Calls a function with the words of the smallest frame for so many values.
+/// Calls a function with the number of words of the smallest frame that fits so many values.
 macro_rules! for_words {
     ($values:expr, $function:ident ( $($argument:expr),* )) => {{
         use shared_types::frame::{SizeClass, words};
@@ -55,7 +55,7 @@ pub(super) trait Outgoing {
 
 /// Receiving end of a frame channel of any size class.
 pub(super) trait Incoming {
-    /// Lists the processes that may send on it.
+    /// Lists the processes that may send on the channel.
     fn writers(&self) -> Vec<u32>;
     fn receive(
         &mut self,
@@ -64,14 +64,14 @@ pub(super) trait Incoming {
     ) -> Option<Result<Header, FrameError>>;
 }
 
-/// Words of a [`Frame`] in shared memory. The type name is fixed, so that programs built from different paths agree.
+/// Words of a [`Frame`] in shared memory. The type name is fixed, so that programs built in different paths agree.
 #[derive(Clone, Copy, Debug, ZeroCopySend)]
 #[repr(C)]
 #[type_name("hil_frame")]
 struct Words<const WORDS: usize>([u64; WORDS]);
 
-/// Sending end that holds the cell of the next frame: borrowing one touches a cache line that the reader writes, which
-/// is cheapest right after sending, while the reader is busy.
+/// Sending end that holds the cell of the next frame. Borrowing a cell touches a cache line that the reader writes,
+/// which is cheapest right after sending, while the reader is busy.
 struct Writer<const WORDS: usize>(Option<EntryValueUninit<Ipc, u8, Words<WORDS>>>);
 
 impl<const WORDS: usize> Outgoing for Writer<WORDS> {
@@ -88,7 +88,7 @@ struct Reader<const WORDS: usize> {
     board: Blackboard<Ipc, u8>,
     cell: EntryHandle<Ipc, u8, Words<WORDS>>,
     last: Option<BlackboardValue<Words<WORDS>>>,
-    /// Sequence number of the last delivered frame; 0 for none.
+    /// Sequence number of the last delivered frame; 0 if there was none.
     delivered: u64,
 }
 
@@ -157,7 +157,7 @@ fn board<const WORDS: usize>(
                     error => LinkError::Foreign {
                         service: name.into(),
                         reason: format!(
-                            "iceoryx2 reports {error:?}; both sides must be of one run"
+                            "iceoryx2 reports {error:?}; both sides must belong to one run"
                         ),
                     },
                 })

@@ -19,7 +19,7 @@ const MOST_KNOWN: usize = 64;
 pub(super) struct ExternalPrograms {
     /// Command-line flags that choose the programs.
     arguments: BinaryArguments,
-    /// Programs that the scenario names; default where copies replace them.
+    /// Programs that the scenario names; empty where copies replace them.
     named: Programs,
     interruption: Interruption,
     /// Programs as described for the first case.
@@ -50,7 +50,7 @@ impl ExternalPrograms {
         })
     }
 
-    /// Returns the programs with these permissions and settings, querying them only if not cached.
+    /// Returns the programs with these permissions and settings, querying them only if they are not cached.
     ///
     /// # Errors
     /// See [`new`](Self::new).

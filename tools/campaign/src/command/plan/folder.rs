@@ -97,8 +97,8 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     part.complete(&absolute).map_err(cannot)
 }
 
-/// Revokes write access of group and others, which the umask may have granted: a folder that others can write to is
-/// refused by `run`.
+/// Revokes write access of group and others, which the umask may have granted, because `run` refuses a folder that
+/// others can write to.
 fn keep_others_out(path: &Path) -> io::Result<()> {
     let metadata = fs::symlink_metadata(path)?;
     let mode = metadata.permissions().mode();
@@ -188,7 +188,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     })
 }
 
-/// Finds the plant and controller programs beside `hil`, if both exist.
+/// Finds the plant and controller programs next to `hil`, if both exist.
 fn beside_hil() -> Result<Option<[PathBuf; 2]>, Failure> {
     let both = [beside(PLANT.beside)?, beside(CONTROLLER.beside)?];
     Ok(both.iter().all(|path| path.is_file()).then_some(both))

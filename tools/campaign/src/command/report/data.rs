@@ -29,7 +29,7 @@ pub(super) struct Data {
     classes: [&'static str; 5],
     /// Names of the classes as displayed.
     words: [&'static str; 5],
-    /// Stride between the draws that are included; 1 if all are.
+    /// Stride between the included draws; 1 if all are included.
     every: u64,
     /// Case numbers; `None` if they are consecutive from 0.
     cases: Option<Numbers>,
@@ -53,7 +53,7 @@ struct ColumnData {
     unit: String,
     /// `varied`, `margin` or `metric`.
     role: &'static str,
-    /// Texts that the codes refer to.
+    /// Texts to which the codes refer.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     texts: Vec<String>,
     #[serde(flatten)]
@@ -130,7 +130,7 @@ impl Data {
         self.class.0.len()
     }
 
-    /// Returns the stride between the draws that are included; 1 if all are.
+    /// Returns the stride between the included draws; 1 if all are included.
     pub(super) const fn every(&self) -> u64 {
         self.every
     }
@@ -201,7 +201,8 @@ fn columns(folder: &Folder, class: usize) -> impl Iterator<Item = (usize, Column
     })
 }
 
-/// Finds the two varied values with the strongest correlation with any margin; the first two if there is none.
+/// Finds the two varied values with the strongest correlation with any margin; the first two if there are no
+/// correlations.
 fn axes(answers: &Answers, columns: &[ColumnData]) -> Vec<usize> {
     let requirements = answers.variants.iter().flat_map(|one| &one.requirements);
     let correlations: Vec<&(String, f64)> =

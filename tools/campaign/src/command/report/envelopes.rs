@@ -1,4 +1,4 @@
-//! Envelopes over time for the script of a campaign's page: least and greatest values of all cases, bands over the
+//! Envelopes over time for the script of a campaign's page: minimum and maximum values of all cases, bands over the
 //! sampled draws, and the worst cases.
 
 use crate::collect;
@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use super::numbers::Singles;
 
-/// Quantiles of the least values, and of the greatest values: each pair encloses 90 %, 50 % or none of the draws.
+/// Quantiles of the minimum values and of the maximum values: each pair encloses 90 %, 50 % or none of the draws.
 const LOWER: [f64; 3] = [0.05, 0.25, 0.5];
 const UPPER: [f64; 3] = [0.5, 0.75, 0.95];
 
@@ -38,12 +38,12 @@ struct Worst {
     variant: usize,
     requirement: String,
     case: u64,
-    /// Least and greatest values of each signal.
+    /// Minimum and maximum values of each signal.
     signals: Vec<Singles>,
 }
 
 impl Envelopes {
-    /// Reads the curves of a campaign; `None` if it records none, or has none yet.
+    /// Reads the curves of a campaign; `None` if the campaign records none, or has none yet.
     ///
     /// # Errors
     /// If the journals cannot be read.

@@ -1,4 +1,4 @@
-//! Numbers as the script of a page takes them: bytes in Base64, which no reader of JSON has to take apart.
+//! Numbers in the form that the script of a page reads: bytes in Base64, which JSON readers need not parse.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;

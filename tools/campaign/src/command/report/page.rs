@@ -99,7 +99,7 @@ fn envelopes(data: &Data) -> Markup {
     }
 }
 
-/// Renders the frame that the script draws into.
+/// Renders the frame into which the script draws.
 fn plots(data: &Data) -> Markup {
     html! {
         section #plots {

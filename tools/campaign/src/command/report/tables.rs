@@ -170,7 +170,7 @@ fn joined(texts: impl Iterator<Item = String>) -> String {
     texts.collect::<Vec<_>>().join(", ")
 }
 
-/// Formats a share; for an incomplete campaign as a count, since there is no share yet.
+/// Formats a share; for an incomplete campaign as a count, because there is no share yet.
 fn percent(campaign: &Campaign, share: Share) -> String {
     match campaign.is_complete() && share.of > 0 {
         true => format!("{} %", short(share.count as f64 / share.of as f64 * 100.0)),

@@ -1,4 +1,4 @@
-//! Tasks of a campaign as Slurm lists them, and advice about those that will not end by themselves.
+//! Tasks of a campaign as Slurm lists them, and advice about tasks that will not end by themselves.
 
 use std::collections::BTreeMap;
 
@@ -22,13 +22,13 @@ const MOST_NAMED: usize = 5;
 pub(in crate::command) struct Tasks {
     pub(in crate::command) running: u64,
     waiting: u64,
-    /// Reasons for which tasks wait, other than for free resources, with the number of tasks.
+    /// Reasons why tasks wait, other than for free resources, with the number of tasks.
     reasons: BTreeMap<String, u64>,
-    /// Tasks that Slurm will not start until they are released, with its reason.
+    /// Tasks that Slurm will not start until they are released, with Slurm's reason.
     held: Vec<(String, String)>,
     /// Tasks that Slurm has suspended and will not resume by itself.
     suspended: Vec<String>,
-    /// Tasks that Slurm is waiting for to end.
+    /// Tasks whose end Slurm is waiting for.
     ending: Vec<String>,
     /// IDs of the jobs that have tasks.
     jobs: Vec<String>,

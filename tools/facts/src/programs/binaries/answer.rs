@@ -26,7 +26,7 @@ pub(super) fn refusal(stderr: &str) -> Option<&str> {
     Some(stderr[begin..].strip_prefix(REASON)?.trim())
 }
 
-/// Returns the reason for which an answer has no description, if it has none.
+/// Returns the reason why an answer has no description, if it has none.
 pub(super) fn silence(answer: &Answer) -> Option<String> {
     let is_silent = answer.stdout.trim().is_empty();
     // A library of somebody else may write there too.
@@ -34,20 +34,20 @@ pub(super) fn silence(answer: &Answer) -> Option<String> {
     match refusal(&answer.stderr) {
         Some(reason) if !answer.is_success || !is_described => Some(text::printable(reason).into()),
         None if answer.is_success && is_silent => {
-            Some("it does not speak the protocol: it ended without a description".into())
+            Some("the program does not speak the protocol: it ended without a description".into())
         }
         _ => None,
     }
 }
 
-/// Returns the reason for which a job was refused; `None` if it was accepted. A host of foreign code must say that the
-/// check was done.
+/// Returns the reason why a job was refused; `None` if it was accepted. A host of foreign code must state that the
+/// check was completed.
 pub(super) fn objection(answer: &Answer, is_host: bool) -> Option<String> {
     let is_done = || answer.stdout.lines().any(|line| line == CHECKED);
     if answer.is_success {
         let why = refusal(&answer.stderr).map_or_else(String::new, |why| format!(": {why}"));
         return (is_host && !is_done())
-            .then(|| format!("it ended its process with exit code 0 while it was checked{why}"));
+            .then(|| format!("the process ended with exit code 0 during the check{why}"));
     }
     let reason = answer.stderr.trim().trim_start_matches("error: ");
     // A user's library may print its reason to either stream.
@@ -55,7 +55,7 @@ pub(super) fn objection(answer: &Answer, is_host: bool) -> Option<String> {
     Some(why.trim().to_owned())
 }
 
-/// Runs a program on this machine and returns its answer; the inner error is its own.
+/// Runs a program on this machine and returns its answer; the inner error is the program's own.
 pub(super) fn asked<S: AsRef<OsStr>>(
     path: &Path,
     arguments: &[S],
@@ -86,7 +86,7 @@ fn killed(signal: i32, stderr: &str) -> String {
         let line = line.strip_prefix(REASON).unwrap_or(line);
         format!(": {}", text::printable(&text::line(line)))
     });
-    format!("it was killed by {name} ({signal}){words}")
+    format!("the process was killed by {name} ({signal}){words}")
 }
 
 /// Returns the first text of a description that contains terminal control characters.
@@ -129,9 +129,9 @@ mod tests {
         let words = "a library speaks\nerror: SIGSEGV in fmi2DoStep\n\n";
         assert_eq!(
             killed(11, words),
-            "it was killed by SIGSEGV (11): SIGSEGV in fmi2DoStep"
+            "the process was killed by SIGSEGV (11): SIGSEGV in fmi2DoStep"
         );
-        assert_eq!(killed(9, ""), "it was killed by SIGKILL (9)");
+        assert_eq!(killed(9, ""), "the process was killed by SIGKILL (9)");
     }
 
     #[test]

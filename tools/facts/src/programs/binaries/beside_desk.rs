@@ -14,13 +14,13 @@ use super::named::Choice;
 #[derive(Clone, Debug)]
 pub struct BesideDesk {
     desk: PathBuf,
-    /// Source revisions of the builds on the target and at the desk, as far as they are recorded.
+    /// Source revisions of the builds on the target and at the desk, as far as recorded.
     builds: [Option<Build>; 2],
 }
 
 impl BesideDesk {
-    /// Compares a controller on a target with the one that would run at the desk; `None` if that is the same file
-    /// or another program.
+    /// Compares a controller on a target with the one that would run at the desk; `None` if that is the same file or
+    /// another program.
     pub fn of(there: &Binary, desk: &Choice, interruption: &Interruption) -> Option<Self> {
         let machine = |path: &Path| built_for(path).ok().flatten();
         if machine(&there.path)? == machine(&desk.path)? {
@@ -34,7 +34,7 @@ impl BesideDesk {
         })
     }
 
-    /// Returns `true` if both are known to be built from the same source; `None` if that cannot be determined.
+    /// Returns `true` if both builds are known to have the same source; `None` if that cannot be determined.
     pub(crate) fn is_same_source(&self) -> Option<bool> {
         match &self.builds {
             [Some(there), Some(desk)] if there.is_of_source_of(desk) => Some(true),

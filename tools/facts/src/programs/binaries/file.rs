@@ -9,7 +9,7 @@ use hil_console::terminal::exit::Failure;
 use hil_session::file::hash;
 use rustix::fs::{Access, access};
 
-/// Returns the path of a program beside this one.
+/// Returns the path of a program in the folder of this one.
 ///
 /// # Errors
 /// If the path of this program cannot be determined.
@@ -18,8 +18,8 @@ pub fn beside(name: &str) -> Result<PathBuf, Failure> {
     Ok(own.with_file_name(name))
 }
 
-/// Values that change with every change of a file or its location: device, inode, size, and the modification times
-/// of content and inode in s and ns.
+/// Values that change with every change of a file or its location: device, inode, size, and the modification times of
+/// content and inode in s and ns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct FileIdentity([i128; 7]);
 
@@ -37,7 +37,7 @@ impl FileIdentity {
         ]))
     }
 
-    /// Returns `true` if the path has another file now, or none.
+    /// Returns `true` if the path now leads to another file or to none.
     pub(super) fn is_changed(&self, path: &Path) -> bool {
         !Self::of(path).is_ok_and(|now| now == *self)
     }
@@ -50,7 +50,7 @@ pub(super) fn is_script(path: &Path) -> bool {
     read.is_ok() && begins == *b"#!"
 }
 
-/// Returns the reason that a path cannot be a program, in more detail than the system's error.
+/// Returns the reason why a path cannot be a program, in more detail than the system's error.
 fn unfit(path: &Path) -> Option<String> {
     let metadata = fs::metadata(path).ok()?;
     if metadata.is_dir() {
@@ -67,7 +67,7 @@ fn unfit(path: &Path) -> Option<String> {
     })
 }
 
-/// Returns a program's identity and hash. A file that cannot be executed is not read: it may be endless.
+/// Returns a program's identity and hash. A file that cannot be executed is not read, because it may be endless.
 pub(super) fn hashed(path: &Path) -> io::Result<(FileIdentity, String)> {
     if let Some(what) = unfit(path) {
         return Err(io::Error::other(what));

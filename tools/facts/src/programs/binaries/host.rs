@@ -1,7 +1,7 @@
-//! Models that need a host program: FMUs, run by `hil-fmu` beside `hil` in a process of its own.
+//! Models that need a host program: FMUs, which `hil-fmu`, installed next to `hil`, runs in a process of its own.
 //!
-//! The model is named, must be trusted and must stay unchanged; the host is recorded with its own hash. Only the
-//! host reads FMUs.
+//! The model is named, must be trusted and must remain unchanged; the host is recorded with its own hash. Only the host
+//! reads FMUs.
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -19,7 +19,7 @@ use shared_types::describe::ModelSettings;
 use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
 
-/// Program beside `hil` that runs FMUs.
+/// Program next to `hil` that runs FMUs.
 pub const HOST: &str = "hil-fmu";
 /// First bytes of a ZIP archive.
 const ARCHIVE: [u8; 4] = *b"PK\x03\x04";
@@ -80,7 +80,7 @@ impl Host {
         command
     }
 
-    /// Asks a model like a program; the inner error is the host's.
+    /// Queries a model like a program; the inner error is the host's.
     pub fn ask(
         &self,
         model: &Path,

@@ -1,8 +1,8 @@
 //! Program of a side: named by the command line, else by the environment, else by the scenario or the recording,
-//! else the one beside `hil`.
+//! otherwise the program next to `hil`.
 //!
-//! A program named by a file is run only if nobody but this user and root can have written the file, and one named
-//! by a recording only if this user made the recording and the program is unchanged.
+//! A program named by a file is run only if nobody but this user and root can have written that file. A program named
+//! by a recording is run only if this user made the recording and the program is unchanged.
 
 use std::ffi::OsStr;
 use std::fmt;
@@ -23,7 +23,7 @@ use super::{beside, seal, trusted};
 #[derive(Debug, PartialEq, Eq)]
 pub struct Role {
     pub side: &'static str,
-    /// Program beside `hil`.
+    /// Program next to `hil`.
     pub beside: &'static str,
     pub flag: &'static str,
     pub variable: &'static str,
@@ -58,7 +58,7 @@ pub const MODEL_SETTINGS: &str = "fmu_settings";
 /// Source that named a program.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum NamedBy {
-    /// No source: the program beside `hil`.
+    /// No source: the program next to `hil`.
     Nobody,
     /// A flag or an environment variable.
     Person(&'static str),
@@ -115,7 +115,7 @@ impl Choice {
         let (path_text, by) = (self.path.display(), &self.by);
         Failure::usage(match by {
             NamedBy::Nobody if !self.path.exists() => format!(
-                "no {} program is named, and there is none beside hil: {path_text} does not exist; `cargo build --release` in the clone builds all programs beside each other, or name one with {} PATH or {}",
+                "no {} program is named, and there is none next to hil: {path_text} does not exist; build all programs with `cargo build --release` in the clone, or name one with {} PATH or {}",
                 role.side, role.flag, role.variable
             ),
             // The program is not the cause.
@@ -149,7 +149,7 @@ impl Choice {
     }
 }
 
-/// Source of program names besides the command line.
+/// Source of program names other than the command line.
 pub enum Named<'a> {
     Nothing,
     Scenario {
@@ -160,7 +160,7 @@ pub enum Named<'a> {
     Recorded(&'a Recorded),
 }
 
-/// Programs of a recorded run, as far as they were named: those beside `hil` are not recorded.
+/// Programs of a recorded run, as far as they were named: programs next to `hil` are not recorded.
 #[derive(Clone, Debug)]
 pub struct Recorded {
     run: PathBuf,
@@ -174,7 +174,7 @@ pub struct Recorded {
     settings: [ModelSettings; 2],
     /// Hashes of the plant's and the controller's program.
     pub blake3: [Option<String>; 2],
-    /// `true` if this user recorded the run; the error is the reason that this cannot be determined.
+    /// `true` if this user recorded the run; the error is the reason why this cannot be determined.
     is_own: Result<bool, String>,
     host: String,
 }
@@ -204,7 +204,7 @@ impl Recorded {
         }
     }
 
-    /// Returns `true` if this user recorded the run, as far as that can be determined.
+    /// Returns `true` if this user recorded the run, as far as can be determined.
     pub fn is_own(&self) -> bool {
         self.is_own == Ok(true)
     }
@@ -241,18 +241,18 @@ impl Recorded {
         if !self.is_own() {
             let origin = match &self.is_own {
                 Ok(_) => format!(
-                    "{run} was not recorded by this user here (host {:?})",
+                    "{run} was not recorded by this user on this machine (host {:?})",
                     self.host
                 ),
                 Err(why) => format!("cannot determine whether this user recorded {run} ({why})"),
             };
             return Err(Failure::usage(format!(
-                "{origin}, so the {side} program that it names, {path_text}, is not run; name a program with {flag} PATH"
+                "{origin}, so the {side} program named in it, {path_text}, is not run; choose a program with {flag} PATH"
             )));
         }
         let path = trusted::program(path).map_err(|why| {
             Failure::usage(format!(
-                "{run} was recorded with the {side} program {path_text}, which is not run: {why}; name a program with {flag} PATH"
+                "{run} was recorded with the {side} program {path_text}, which is not run: {why}; choose a program with {flag} PATH"
             ))
         })?;
         let [plant, controller] = &self.blake3;
@@ -264,10 +264,10 @@ impl Recorded {
     }
 }
 
-/// Refuses flags that configure a program where the scenario names none, because they would have no effect.
+/// Refuses flags that configure a program if the scenario names none, because they would have no effect.
 ///
 /// # Errors
-/// The first such flag, with the flag that names a program; `flag` returns that of a side.
+/// The first such flag, with the flag that names a program; `flag` returns the flag of a side.
 pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Failure> {
     for one in set {
         let key = one.split('=').next().unwrap_or_default().trim();
@@ -277,7 +277,7 @@ pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Fa
         };
         if let Some(role) = [&PLANT, &CONTROLLER].iter().find(sets) {
             return Err(Failure::usage(format!(
-                "--set {key} has no effect, because the scenario names no program; {} PATH names the {} program",
+                "--set {key} has no effect, because the scenario names no program; use {} PATH to name the {} program",
                 flag(role),
                 role.side
             )));
@@ -329,7 +329,7 @@ impl<'a> Named<'a> {
         of_side.clone()
     }
 
-    /// Returns the program of a side; `given` is that of the command line, `at` the machine that runs it.
+    /// Returns the program of a side; `given` is the program from the command line, `at` the machine that runs it.
     ///
     /// # Errors
     /// If a program named by a file must not be run.
@@ -421,7 +421,7 @@ fn by_scenario(
     let refused = |why: String| {
         let path = path.display();
         Failure::usage(format!(
-            "{path_text} names the {} program {path}, which is not run: {why}; name a program with {flag} PATH",
+            "{path_text} names the {} program {path}, which is not run: {why}; choose a program with {flag} PATH",
             role.side
         ))
     };

@@ -24,7 +24,7 @@ impl Reached {
     /// Connects to the given target, if there is one; its agent may be silent for the wait limit.
     ///
     /// # Errors
-    /// If it cannot be reached or used.
+    /// If the target cannot be reached or used.
     pub fn by(
         arguments: &TargetArguments,
         wait_limit_s: f64,
@@ -51,7 +51,7 @@ impl Reached {
         Ok(Some(Self { way, findings }))
     }
 
-    /// Returns the target as it was named.
+    /// Returns the target's name as given.
     pub const fn target(&self) -> &Target {
         &self.way.target
     }
@@ -72,7 +72,7 @@ impl Reached {
     /// Returns the size of the agent's file, as an estimate of the size of a program there.
     ///
     /// # Errors
-    /// If the file is no longer readable.
+    /// If the agent's file is no longer readable.
     pub fn agent_bytes(&self) -> Result<u64, Failure> {
         let agent = self.way.agent_for(&self.findings.machine).map_err(failed)?;
         let metadata = std::fs::metadata(agent).map_err(Failure::infrastructure)?;
@@ -135,7 +135,7 @@ impl Reached {
         Ok(command)
     }
 
-    /// Returns `true` if the target is this machine, for example a container on it.
+    /// Returns `true` if the target is this machine, for example a container on this machine.
     pub fn is_here(&self) -> bool {
         self.findings.boot_id == Findings::own().boot_id
     }

@@ -1,8 +1,8 @@
 //! Seal of a recording whose programs were named: proof that this user made it.
 //!
-//! A recording from another user may name any path and any hash, so running the programs it names would run
-//! whatever its author wants. The seal is a keyed hash over these names; the key is a file of the user that is
-//! never part of a recording.
+//! A recording from another user may name any path and any hash, so running the programs it names would run whatever
+//! its author wants. The seal is a keyed hash over these names; the key is a file of the user and never part of a
+//! recording.
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -16,7 +16,7 @@ use super::trusted;
 
 /// Fact with the seal.
 pub(crate) const SEAL: &str = "programs_seal";
-/// Facts that it covers.
+/// Facts covered by the seal.
 const SEALED: [&str; 5] = [
     "session_id",
     "plant_binary",
@@ -29,7 +29,7 @@ const KEY_BYTES: usize = 32;
 /// Seals the facts of a recording.
 ///
 /// # Errors
-/// If there is no key and none can be created.
+/// If there is no key and a new key cannot be created.
 pub fn seal(facts: &mut BTreeMap<String, String>) -> Result<(), String> {
     let path = key_file()?;
     let key = match read(&path) {
@@ -62,7 +62,7 @@ fn is_of<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> b
     stored.is_some_and(|stored| stored == hash(key, fact))
 }
 
-/// Returns the hash over all facts, each with its length, so that text cannot move from one to the next.
+/// Returns the hash over all facts, each with its length, so that text cannot move from one fact to the next.
 fn hash<'a>(key: &[u8; KEY_BYTES], fact: impl Fn(&str) -> Option<&'a str>) -> Hash {
     let mut hasher = Hasher::new_keyed(key);
     for name in SEALED {
@@ -98,7 +98,7 @@ fn read(path: &Path) -> Result<[u8; KEY_BYTES], String> {
     (key.try_into()).map_err(|_| format!("{} is not a valid key; remove it", path.display()))
 }
 
-/// Creates a key if there is none; of two created at once, one is kept.
+/// Creates a key if there is none; if two are created at once, one is kept.
 fn make(path: &Path) -> Result<(), String> {
     let in_words = |error: std::io::Error| format!("{}: {error}", path.display());
     let folder = path.parent().unwrap_or(Path::new("/"));

@@ -1,4 +1,4 @@
-//! Files that only this user and root can have written, the only ones whose named programs are run.
+//! Files that only this user and root can have written; only programs named by such files are run.
 //!
 //! Follows the path component by component, including links, so that nobody else can replace the file before it is
 //! run. Programs named on the command line are not checked, except for the folder of a campaign, which names
@@ -134,7 +134,7 @@ fn looked_at(path: &Path) -> Result<Metadata, String> {
     ))
 }
 
-/// Returns `true` if an access control list grants rights to further users.
+/// Returns `true` if an access control list grants rights to additional users.
 fn has_list(path: &Path) -> bool {
     lgetxattr(path, "system.posix_acl_access", &mut [0_u8; 0]).is_ok()
 }
@@ -145,8 +145,8 @@ fn is_private(group: u32, user: u32) -> bool {
     is_group_of_one(group, user, &read("/etc/passwd"), &read("/etc/group"))
 }
 
-/// Evaluates the files of users and groups: the group must be the primary group of this user and of nobody else,
-/// have the user's name and no further members.
+/// Evaluates the files of users and groups: the group must be the primary group of this user and of nobody else, have
+/// the user's name, and have no other members.
 fn is_group_of_one(group: u32, user: u32, users: &str, groups: &str) -> bool {
     let (group, user) = (group.to_string(), user.to_string());
     let split = |line: &str| line.split(':').map(str::to_owned).collect::<Vec<_>>();

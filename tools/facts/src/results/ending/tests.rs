@@ -1,4 +1,4 @@
-//! Plant reports about the end of a run, and the parts that are accepted.
+//! Plant reports about the end of a run, and the parts of them that are accepted.
 
 use shared_types::record::{ControllerChange, ControllerFate, FaultEffectSize, Outcome, RunEnd};
 use shared_types::time::Step;
@@ -146,7 +146,7 @@ fn reported_late_commands_agree_with_the_records() {
             },
         });
     });
-    rejected(LOCKSTEP, "in lockstep steps are never due", |_, end| {
+    rejected(LOCKSTEP, "which is impossible in lockstep", |_, end| {
         end.overruns = streak(5..8)
     });
     let impossible: [fn(&mut Streaks); 5] = [

@@ -150,9 +150,9 @@ fn a_fault_that_never_took_hold_says_why() {
             condition(20),
             "`truth.x_m > 1` never held for 20 steps in a row",
         ),
-        (4, after(1), "fault 1, which it follows, never took hold"),
+        (4, after(1), "fault 1, which it follows, never took effect"),
         (5, after(9), "the run ended within 7 steps after fault 9"),
-        (6, at(500, 0.5), "it was cleared before"),
+        (6, at(500, 0.5), "it was cleared earlier"),
     ] {
         let fault = &log.faults(&[event(id, FaultSource::Scenario, trigger, &["x"])], rate())[0];
         assert_eq!(
@@ -161,7 +161,7 @@ fn a_fault_that_never_took_hold_says_why() {
         );
         assert_eq!(
             fault.describe(),
-            format!("fault {id} bias never took hold: {reason}")
+            format!("fault {id} bias never took effect: {reason}")
         );
     }
 }

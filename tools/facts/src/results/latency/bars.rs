@@ -39,7 +39,7 @@ pub fn classes(times_ns: &Times) -> Vec<((u64, u64), u64)> {
     classes
 }
 
-/// Formats the histogram with a line per class, and `...` in place of empty classes in between.
+/// Formats the histogram with a line for each class, and `...` in place of empty classes in between.
 #[must_use]
 pub fn bars(times_ns: &Times) -> String {
     let classes = classes(times_ns);

@@ -52,13 +52,11 @@ impl Grade {
     }
 }
 
-/// Grade with the figure behind it: the 99.99th percentile of the round trip or, if that is worse, of the release.
-/// A step without a command ranks above all round trips: it waited longer than any command took that arrived in
+/// Grade with the figure behind it: the 99.99th percentile of the round trip or, if worse, of the release.
+/// A step without a command ranks above all round trips, because it waited longer than any command that arrived in its
 /// time.
-/// that came in its time.
-/// The maximum is not used: it is a single step, grows with the length of a run, and on a virtual machine is caused
-/// by the hypervisor. The 99th percentile is not used either, because it hides a hundred steps per second at 10
-/// kHz.
+/// The maximum is not used: it is a single step, grows with the length of a run, and is caused by the hypervisor on a
+/// virtual machine. The 99th percentile is not used either, because it hides a hundred steps per second at 10 kHz.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Graded {
     /// Grade of the loop.
@@ -80,7 +78,7 @@ pub enum Leg {
 }
 
 impl Graded {
-    /// Grades steps by their round trips, the number of those without a command, and their releases; `None` if no
+    /// Grades steps by their round trips, the number of steps without a command, and their releases; `None` if no
     /// command arrived.
     #[must_use]
     pub fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {

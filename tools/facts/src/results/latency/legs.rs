@@ -1,7 +1,7 @@
 //! Legs of a step, collected one by one: by the recorder during a run, by a measurement, or from a recording.
 //!
-//! A leg is what the clocks of one step can measure separately. Plant and controller each measure their own work;
-//! the rest of the round trip is the exchange, which combines both directions and the waiting.
+//! A leg is an interval that the clocks of one step can measure separately. Plant and controller each measure their own
+//! work; the rest of the round trip is the exchange, which combines both directions and the waiting.
 
 use serde::Serialize;
 use shared_types::number::counted;
@@ -38,9 +38,9 @@ pub struct Legs {
     pub controller: Percentiles,
     /// Round trip without the controller's work: the link in both directions, and the waiting.
     pub exchange: Percentiles,
-    /// Delay of sent samples after their due time; `None` in lockstep, where nothing is due.
+    /// Delay of samples beyond their due time; `None` in lockstep, which has no due times.
     pub release: Option<Percentiles>,
-    /// Number of steps that received no command, neither theirs nor a late one: they have no round trip.
+    /// Number of steps that received neither their own command nor a late one, and so have no round trip.
     pub without_command: u64,
 }
 
@@ -69,7 +69,7 @@ impl Default for Latency {
 }
 
 impl Latency {
-    /// Starts a run whose samples are due at certain times, or not.
+    /// Starts a run whose samples have due times or not.
     #[must_use]
     pub fn new(is_due: bool) -> Self {
         Self {

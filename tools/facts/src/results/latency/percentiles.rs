@@ -16,7 +16,7 @@ pub struct Percentiles {
     pub p99: u64,
     /// 99.9th percentile.
     pub p999: u64,
-    /// 99.99th percentile; of fewer than 10 000 times it is the maximum.
+    /// 99.99th percentile; the maximum for fewer than 10 000 times.
     pub p9999: u64,
     /// Maximum.
     pub max: u64,

@@ -9,12 +9,12 @@ use hil_recording::reader::RunReader;
 pub struct TimingPlaces([Option<usize>; Timing::WORDS]);
 
 impl TimingPlaces {
-    /// Finds the words by name: an older recording has fewer, the missing ones read as 0.
+    /// Finds the words by name: an older recording has fewer words, and missing ones read as 0.
     pub fn of(reader: &RunReader) -> Self {
         Self(Timing::NAMES.map(|name| reader.place(name)))
     }
 
-    /// Returns `true` if records state which controller's command they have, and its age.
+    /// Returns `true` if records state which controller's command they have, and the command's age.
     pub(crate) fn tell_answers(&self) -> bool {
         let is_there = |name| {
             let place = Timing::NAMES.iter().position(|word| *word == name);

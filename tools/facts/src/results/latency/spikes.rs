@@ -1,9 +1,9 @@
 //! The ten worst steps, with the events in both threads around them.
 //!
 //! Plant and controller sample the statistics of their own threads after an unusual step and periodically
-//! ([`ThreadStatistics`]); a record carries the latest sample of each. Two samples, before and after a spike, show
-//! what happened in between, which may be more than the spike. A spike that neither thread noticed had an external
-//! cause: an interrupt, firmware, a hypervisor.
+//! ([`ThreadStatistics`]); a record carries the latest sample of each. The difference of two samples, before and after
+//! a spike, shows the events in between, which may include more than the spike. A spike that neither thread noticed had
+//! an external cause: an interrupt, firmware or a hypervisor.
 
 use hil_console::terminal::duration::shown_ns;
 use serde::Serialize;
@@ -19,26 +19,27 @@ pub const KEPT: usize = 10;
 pub struct Spike {
     /// The step.
     pub step: u64,
-    /// From sending its sample to receiving its command; 0 without a command.
+    /// Time from sending the step's sample to receiving its command; 0 without a command.
     pub round_trip_ns: u64,
     /// The controller's share of the round trip.
     pub controller_ns: u64,
     /// The plant's preceding integration, which is not part of the round trip.
     pub plant_ns: u64,
-    /// Delay of the sent sample after its due time; 0 where nothing is due.
+    /// Delay of the sample beyond its due time; 0 if it had no due time.
     pub late_ns: u64,
     /// Statistics of the plant's thread since the previous sample; `None` if there was none.
     pub plant_thread: Option<Since>,
-    /// Statistics of the controller's thread since the previous sample; `None` also for a new controller.
+    /// Statistics of the controller's thread since the previous sample; `None` if there was none, or for a new
+    /// controller.
     pub controller_thread: Option<Since>,
 }
 
 /// Statistics of a thread between two samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Since {
-    /// Core on which it ran at the previous sample.
+    /// Core of the thread at the previous sample.
     pub from_core: u16,
-    /// Core on which it ran at the later sample.
+    /// Core of the thread at the later sample.
     pub core: u16,
     /// Context switches.
     pub switches: u32,
@@ -141,7 +142,7 @@ impl Order {
     }
 }
 
-/// Worst steps so far. Any other step costs one comparison.
+/// Worst steps so far. Every other step costs one comparison.
 #[derive(Clone, Debug)]
 pub(crate) struct Spikes {
     order: Order,
@@ -171,8 +172,8 @@ impl Looks {
     }
 }
 
-/// Spike whose controller may not have sampled its statistics since: what delayed it after it made its command
-/// shows only in the next record.
+/// Spike whose controller may not have sampled its statistics since: a delay of the controller after it computed its
+/// command shows only in the next record.
 #[derive(Clone, Copy, Debug)]
 struct Open {
     place: usize,

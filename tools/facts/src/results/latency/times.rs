@@ -93,8 +93,8 @@ impl Times {
         }
     }
 
-    /// Returns the same quantile if `longer` more times exist that all exceed the measured ones: the maximum, if
-    /// the quantile falls among them.
+    /// Returns the same quantile on the assumption that `longer` more times exist, all above the measured ones: the
+    /// maximum, if the quantile falls among them.
     #[must_use]
     pub(crate) fn at_quantile_with_longer(&self, quantile: f64, longer: u64) -> u64 {
         let count = self.len();

@@ -1,6 +1,6 @@
 //! Summary of a run made from its recording alone.
 //!
-//! Used by `hil recover`. Paths of binaries and settings of the recorder are not recorded; programs are given by
+//! Used by `hil recover`. Paths of binaries and settings of the recorder are not recorded; programs are identified by
 //! their names, and unknown facts are left out.
 
 use hil_recording::reader::{RECORDING, RunReader};

@@ -162,8 +162,8 @@ impl Summary {
         }
     }
 
-    /// Writes the durations of steps: one line, or with requested timing also the grade, the releases, and the
-    /// worst of both with their causes.
+    /// Writes the durations of steps: one line, or with requested timing also the grade, the releases, and the worst
+    /// round trips and releases with their causes.
     fn write_latency(&self, text: &mut String, asks_for_timing: bool) -> std::fmt::Result {
         let (Some(graded), legs) = (&self.grade, &self.latency_ns) else {
             return Ok(());

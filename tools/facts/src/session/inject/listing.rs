@@ -1,6 +1,6 @@
 //! `hil inject --list`: the possible faults with their targets and values.
 //!
-//! Queries a running session, or a plant's binary if there is none: a user's plant is listed as completely as the
+//! Queries a running session, or a plant's binary if there is no session: a user's plant is listed as completely as the
 //! built-in ones.
 
 mod text;
@@ -41,7 +41,7 @@ struct Entry {
     class: &'static str,
     summary: String,
     equation: String,
-    /// Key that selects the target by number, if there is one.
+    /// Key that selects the target by number, if there is such a key.
     selector: Option<String>,
     /// Name of each target.
     targets: Vec<String>,

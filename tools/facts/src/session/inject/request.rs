@@ -1,7 +1,7 @@
 //! Converts a fault on the command line to the `[[faults]]` text of a scenario.
 //!
-//! Uses the words and the list of possible faults, so that keys may be abbreviated and values be given in order.
-//! Checks only names and numbers of values: the plant checks the fault itself like one of a scenario.
+//! Uses the words and the list of possible faults, so that keys may be abbreviated and values may be given in order.
+//! Checks only names and the number of values: the plant checks the fault itself like a fault of a scenario.
 
 mod text;
 
@@ -29,9 +29,9 @@ struct FaultKind<'a> {
 enum TargetKey<'a> {
     /// Number of a part of the plant, `actuator = 1`.
     Selector(&'a str),
-    /// Name, `target = "link.sample"`; with the only target of the kind, if it has just one.
+    /// Name, `target = "link.sample"`; contains the only target of the kind if it has just one.
     Name(Option<&'static str>),
-    /// None: the target is the plant.
+    /// No target key: the target is the plant.
     Plant,
 }
 
@@ -47,7 +47,7 @@ enum Key<'a> {
 #[derive(Default)]
 struct Sorted<'a> {
     targets: Vec<String>,
-    /// Values of each parameter: a common one, or one per target.
+    /// Values of each parameter: a common value, or one for each target.
     values: Vec<(&'a Field, Vec<String>)>,
     list: Option<(&'a ListDescription, String)>,
 }
@@ -210,9 +210,9 @@ impl<'a> FaultKind<'a> {
             let message = format!("`{kind}` does not act on `{other}`");
             let expected = match self.target {
                 TargetKey::Name(Some(only)) => {
-                    format!("`{only}`, or no target: it is the only one")
+                    format!("`{only}`, or no target, because it is the only one")
                 }
-                _ => "no target: it acts on the plant".into(),
+                _ => "no target, because it acts on the plant".into(),
             };
             refusals.push(refusal("target", message, expected));
             return Err(refusals);
@@ -233,7 +233,7 @@ impl<'a> FaultKind<'a> {
                 listed(&words)
             );
             let expected = if names.is_empty() {
-                "no further value".to_owned()
+                "no additional value".to_owned()
             } else {
                 format!("values for {}", listed(&names))
             };

@@ -1,6 +1,6 @@
 //! Refusals of the plant, translated to the options of the command line.
 //!
-//! The plant checks a fault like one of a scenario and names the keys of its text, such as
+//! The plant checks a fault like a fault of a scenario. Its refusal names the keys of the request's text, such as
 //! `faults[0].effects[0].bias`, which the user has not typed.
 
 use shared_types::live::Refusal;

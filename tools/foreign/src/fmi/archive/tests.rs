@@ -222,7 +222,7 @@ fn duplicate_entries_with_equal_content_are_merged() {
     assert_eq!(archive.content("a", 10).expect("there"), b"1");
     let folder = tempfile::tempdir().expect("a folder");
     assert_eq!(archive.extract("a", folder.path()).expect("unpacked"), 1);
-    // Same check sum and size but other bytes, so the content itself has to be compared.
+    // Same checksum and size but other bytes, so the content itself has to be compared.
     let mut forged = Writer::new()
         .add(&TestEntry {
             method: STORED,

@@ -29,7 +29,7 @@ const LATIN_9: [(u8, char); 8] = [
 /// Decodes the text of a document.
 ///
 /// # Errors
-/// If the encoding is not supported, or the bytes are invalid in it.
+/// If the encoding is not supported, or the bytes are invalid in that encoding.
 pub(super) fn decoded(bytes: &[u8]) -> Result<String, DescriptionError> {
     if let Some(rest) = bytes.strip_prefix(b"\xef\xbb\xbf") {
         return utf_8(rest);

@@ -90,7 +90,7 @@ impl ModelDescription {
         let identifier = simulation.needed("modelIdentifier")?;
         let is_name = |c: char| c.is_ascii_alphanumeric() || c == '_' || c == '-' || c == '.';
         if identifier.is_empty() || identifier.len() > 256 || !identifier.chars().all(is_name) {
-            return Err(simulation.wrong("modelIdentifier", "is no name of a library"));
+            return Err(simulation.wrong("modelIdentifier", "is not a valid name of a library"));
         }
         Ok(Self {
             version,
@@ -140,7 +140,7 @@ fn version(text: &str) -> Result<Version, DescriptionError> {
     }
     let text = shortened(text);
     Err(DescriptionError::Unsupported(format!(
-        "it is of FMI {text}; FMI 2.0 and 3.0 are run"
+        "it uses FMI {text}, but only FMI 2.0 and 3.0 are supported"
     )))
 }
 
@@ -150,11 +150,11 @@ fn co_simulation(root: &Element) -> Result<&Element, DescriptionError> {
         let other = other.iter().find(|name| root.child(name).is_some());
         return Err(DescriptionError::Unsupported(match other {
             Some(&"ModelExchange") => {
-                "it is for model exchange alone, without a solver; export it for co-simulation"
+                "it supports only model exchange, without a solver; export it for co-simulation"
                     .into()
             }
-            Some(_) => "it is for scheduled execution alone; export it for co-simulation".into(),
-            None => "it has no co-simulation".into(),
+            Some(_) => "it supports only scheduled execution; export it for co-simulation".into(),
+            None => "it does not support co-simulation; export it for co-simulation".into(),
         }));
     };
     Ok(simulation)

@@ -1,4 +1,4 @@
-//! Slips of a vendor's tool that are no reason to refuse a model: what is unusable is left out and listed.
+//! Tolerated mistakes of vendors' tools that are no reason to refuse a model: unusable parts are left out and listed.
 
 use std::collections::BTreeMap;
 
@@ -8,11 +8,11 @@ use super::{
     VariableType,
 };
 
-/// Makes an inner variable that cannot be read, which keeps its place among the others, with the reason. One of an
-/// unknown role counts as inner.
+/// Converts a variable that cannot be read into an inner variable, which keeps its place among the others, and stores
+/// the reason. A variable of an unknown role counts as inner.
 ///
 /// # Errors
-/// If it is not inner; the error is the reason.
+/// If the variable is not inner; the error is the reason.
 pub(super) fn unusable(
     element: &Element,
     (kind, causality): (Option<VariableType>, Option<Causality>),
@@ -47,10 +47,10 @@ pub(super) fn unusable(
     }
 }
 
-/// Leaves one variable to each name: of two the one that is not inner, else the first.
+/// Keeps one variable for each name: of two, the one that is not inner, or else the first.
 ///
 /// # Errors
-/// If two have a name that are not inner.
+/// If two variables that are not inner share a name.
 pub(super) fn name_once(variables: &mut [Variable]) -> Result<(), DescriptionError> {
     let mut places: BTreeMap<String, usize> = BTreeMap::new();
     for place in 0..variables.len() {
@@ -67,7 +67,7 @@ pub(super) fn name_once(variables: &mut [Variable]) -> Result<(), DescriptionErr
             }
             (false, false) => {
                 return Err(DescriptionError::Content(format!(
-                    "variable {name:?} is there twice"
+                    "variable {name:?} is defined twice"
                 )));
             }
         };
@@ -79,7 +79,7 @@ pub(super) fn name_once(variables: &mut [Variable]) -> Result<(), DescriptionErr
     Ok(())
 }
 
-/// Reads the units. One without a name is left out, and one whose definition cannot be read has none.
+/// Reads the units. A unit without a name is left out, and a unit with an unreadable definition gets none.
 pub(super) fn units(root: &Element, notes: &mut Vec<String>) -> Vec<Unit> {
     let mut units = Vec::new();
     for unit in root.list("UnitDefinitions") {
@@ -91,7 +91,7 @@ pub(super) fn units(root: &Element, notes: &mut Vec<String>) -> Vec<Unit> {
         if let Err(error) = &base {
             let (name, reason) = (shortened(name), error.clone().reason());
             notes.push(format!(
-                "unit {name:?}: {reason}; nothing is converted by it"
+                "unit {name:?}: {reason}; it is not used for conversions"
             ));
         }
         units.push(Unit {
@@ -114,7 +114,7 @@ fn base(base: &Element) -> Result<BaseUnit, DescriptionError> {
     })
 }
 
-/// Reads a number that the standard requires to be above 0. Any other value is treated as missing, with a note.
+/// Reads a number that the standard requires to be above 0. Any other value counts as missing, with a note.
 pub(super) fn positive(element: &Element, name: &str, notes: &mut Vec<String>) -> Option<f64> {
     let text = element.text(name)?;
     let number: Option<f64> = text.trim().parse().ok();
@@ -134,7 +134,7 @@ pub(super) fn unusable_unit(unit: &Unit) -> Option<String> {
     let is_usable = factor.is_finite() && factor != 0.0 && offset.is_finite();
     let name = shortened(&unit.name);
     (!is_usable).then(|| {
-        format!("unit {name:?} has the factor {factor} and the offset {offset}; nothing is converted by it")
+        format!("unit {name:?} has the factor {factor} and the offset {offset}; it is not used for conversions")
     })
 }
 

@@ -3,8 +3,8 @@
 use super::tree::Element;
 use super::{Dependency, Variable, Version};
 
-/// Reads the direct dependencies of the outputs that the model structure lists. An entry that is no output is skipped, and
-/// an output whose dependencies cannot be read may depend on all inputs.
+/// Reads the direct dependencies of the outputs that the model structure lists. An entry that is not an output is
+/// skipped, and an output whose dependencies cannot be read may depend on all inputs.
 pub(super) fn dependencies(
     root: &Element,
     version: Version,

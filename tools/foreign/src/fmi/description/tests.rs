@@ -258,20 +258,20 @@ fn unsupported_fmus_are_refused_with_a_reason() {
     let other = |with: &str| three("").replace(simulation, with);
     refused(
         &other("<ModelExchange modelIdentifier=\"m\"/>"),
-        "model exchange alone",
+        "only model exchange",
     );
     refused(
         &other("<ScheduledExecution modelIdentifier=\"m\"/>"),
-        "scheduled execution alone",
+        "only scheduled execution",
     );
-    refused(&other(""), "no co-simulation");
+    refused(&other(""), "does not support co-simulation");
     for name in ["", "../m", "a/b", "a b"] {
         let other = other(&format!("<CoSimulation modelIdentifier=\"{name}\"/>"));
-        refused(&other, "is no name of a library");
+        refused(&other, "is not a valid name of a library");
     }
     for version in ["1.0", "4.0", "", "30"] {
         let text = three("").replace("fmiVersion=\"3.0\"", &format!("fmiVersion=\"{version}\""));
-        refused(&text, "FMI 2.0 and 3.0 are run");
+        refused(&text, "only FMI 2.0 and 3.0 are supported");
     }
     ModelDescription::read(&three("").replace("\"3.0\"", "\"3.0.2\"")).expect("of 3.0");
 }
@@ -318,7 +318,7 @@ fn invalid_variables_are_refused() {
     let twice = "<ModelVariables><Int8 name=\"x\" valueReference=\"1\" causality=\"output\"/>\
                  <Int8 name=\"x\" valueReference=\"2\" causality=\"input\"/></ModelVariables>";
     let told = read(twice).expect_err("twice").to_string();
-    assert!(told.contains("variable \"x\" is there twice"), "{told}");
+    assert!(told.contains("variable \"x\" is defined twice"), "{told}");
 }
 
 #[test]

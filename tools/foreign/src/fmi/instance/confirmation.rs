@@ -18,7 +18,7 @@ use crate::fmi::tables::Column;
 /// Relative difference of a value that counts as rounding.
 const ROUNDING: f64 = 1e-12;
 
-/// Parameters that cannot be read back, and those of them that were changed; each is reported once.
+/// Parameters that cannot be read back, and those of them that were changed; each is reported only once.
 #[derive(Debug, Default)]
 pub(super) struct Unconfirmed(BTreeSet<String>, BTreeSet<String>);
 
@@ -63,15 +63,15 @@ impl Instance {
             let name = &column.field.name;
             if self.unconfirmed.0.contains(name) && self.unconfirmed.1.insert(name.clone()) {
                 program::say(&format!(
-                    "warning: parameter `{name}` was changed, and the change is not confirmed: the FMU does not let it be read"
+                    "warning: parameter `{name}` was changed, but the change is unconfirmed, because the FMU does not let it be read"
                 ));
             }
         }
         Ok(())
     }
 
-    /// Compares exact initial values with the values that were set. A difference is only reported: the equations may change it
-    /// at the start, unless it is a parameter.
+    /// Compares exact initial values with the values that were set. A difference is only reported, because the
+    /// equations may change the value at the start, unless it is a parameter.
     pub(super) fn confirm_initial(&mut self) -> Result<(), Failure> {
         let model = Arc::clone(&self.model);
         let variable = |column: &Column| &model.description.variables[column.variable];
@@ -99,7 +99,7 @@ impl Instance {
                     continue;
                 }
                 program::say(&format!(
-                    "warning: the initial value of `{name}` was set to {set}, and the FMU begins with {has}"
+                    "warning: the initial value of `{name}` was set to {set}, but the FMU begins with {has}"
                 ));
             }
         }
@@ -130,7 +130,7 @@ impl Instance {
                 for column in &columns {
                     let name = &column.field.name;
                     program::say(&format!(
-                        "fmu: parameter `{name}` is not confirmed: the FMU does not let it be read"
+                        "fmu: parameter `{name}` is unconfirmed, because the FMU does not let it be read"
                     ));
                     self.unconfirmed.0.insert(name.clone());
                 }
@@ -141,8 +141,8 @@ impl Instance {
         }
     }
 
-    /// Compares values; a difference at the start is kept for whoever runs the instance, as one that only tries later values
-    /// may be initialised to others.
+    /// Compares values. A difference at the start is kept for the caller that runs the instance, because an instance
+    /// that only tries later values may be initialised to others.
     fn compare(
         &mut self,
         columns: &[Column],
@@ -157,7 +157,7 @@ impl Instance {
                 let name = &column.field.name;
                 if is_start && column.field.default == Some(set) {
                     program::say(&format!(
-                        "warning: parameter `{name}` starts at {set} by the FMU's own description, and the FMU has {has}"
+                        "warning: parameter `{name}` starts at {set} according to the FMU's own description, but the FMU has {has}"
                     ));
                     continue;
                 }
@@ -173,10 +173,10 @@ impl Instance {
 }
 
 fn difference(name: &str, set: f64, has: f64) -> String {
-    format!("parameter `{name}` was set to {set}, and the FMU has {has}")
+    format!("parameter `{name}` was set to {set}, but the FMU has {has}")
 }
 
-/// Returns `true` if `has` is what a variable of this type holds after it was set to `set`.
+/// Returns `true` if `has` is the value of a variable of this type after it was set to `set`.
 fn is_same(kind: VariableType, set: f64, has: f64) -> bool {
     match kind {
         #[expect(clippy::cast_possible_truncation, reason = "it was set as such")]

@@ -1,4 +1,4 @@
-//! Instantiation for both versions of the standard. The module knows no parameters or signals.
+//! Instantiation for both versions of the standard. Parameters and signals are unknown here.
 
 use std::ffi::{CString, c_int, c_void};
 use std::path::Path;
@@ -24,7 +24,7 @@ pub(super) fn instantiate(
 ) -> Result<(Handle, Option<Box<CallbacksTwo>>), Invalid> {
     let text = |text: &str| {
         let result = CString::new(text);
-        result.map_err(|_| Invalid(format!("{text:?} has a zero in it")))
+        result.map_err(|_| Invalid(format!("{text:?} contains a zero byte")))
     };
     let described = &model.description;
     let (name, token) = (text(&described.name)?, text(&described.token)?);

@@ -1,7 +1,7 @@
 //! Changes of tunable parameters during a run.
 //!
-//! Only changed parameters are set: the FMU may hold another value of a parameter that the user did not set, which
-//! then stays.
+//! Only changed parameters are set, because the FMU may hold another value of a parameter that the user did not set,
+//! which then stays.
 
 use std::sync::Arc;
 

@@ -21,16 +21,16 @@ const GLOBAL: u8 = 1;
 /// Contents of a library's dynamic section.
 #[derive(Debug, Default, PartialEq, Eq)]
 pub(super) struct Dynamic {
-    /// Libraries that it needs.
+    /// Libraries that the library needs.
     pub(super) needs: Vec<String>,
     /// Symbols that other libraries must define.
     pub(super) undefined: Vec<String>,
-    /// Set if the needed libraries are also searched for in its own folder.
+    /// Set if the needed libraries are also searched for in the library's own folder.
     pub(super) looks_beside_itself: bool,
 }
 
 impl Dynamic {
-    /// Parses the file at a path; `None` if it is not a library with sections.
+    /// Parses the file at a path; `None` if the file is not a library with sections.
     pub(super) fn read(path: &Path) -> Option<Self> {
         Self::of(&std::fs::read(path).ok()?)
     }

@@ -16,7 +16,7 @@ use super::elf::Dynamic;
 use crate::crash::{self, calling};
 
 /// Parts of the C library that are usually loaded in C programs, so that libraries rely on them without declaring it.
-/// In musl and recent versions of glibc, missing ones are part of the C library itself.
+/// In musl and recent versions of glibc, missing parts belong to the C library itself.
 const PARTS: [&str; 4] = ["libm.so.6", "libdl.so.2", "librt.so.1", "libpthread.so.0"];
 /// Prefixes of the function names of a Python interpreter.
 const PYTHON: [&str; 2] = ["Py", "_Py"];
@@ -33,7 +33,7 @@ fn provide_parts() {
     });
 }
 
-/// Makes the symbols of an installed library available to all others; returns `false` if it does not exist.
+/// Makes the symbols of an installed library available to all others; returns `false` if the library does not exist.
 fn provide(name: &str) -> bool {
     // SAFETY: system libraries, whose loading has no other effect.
     let library = unsafe { Library::open(Some(name), RTLD_LAZY | RTLD_GLOBAL) };
@@ -45,7 +45,7 @@ fn provide(name: &str) -> bool {
 /// available to everything that it loads.
 ///
 /// # Errors
-/// If it cannot be loaded.
+/// If the library cannot be loaded.
 pub(super) fn load(path: &Path, needs_tool: bool) -> Result<Library, LibraryError> {
     provide_parts();
     let scope = if needs_tool { RTLD_GLOBAL } else { RTLD_LOCAL };
@@ -61,9 +61,7 @@ pub(super) fn load(path: &Path, needs_tool: bool) -> Result<Library, LibraryErro
             return Err(LibraryError::Load(failure(&error)));
         };
         let reason = reason(&error);
-        program::say(&format!(
-            "fmu: {reason}; a call of it would end this process"
-        ));
+        program::say(&format!("fmu: {reason}; calling it would end this process"));
         Ok(library)
     })
 }
@@ -84,7 +82,7 @@ fn provide_python(path: &Path) {
     let _ = names.any(|name| provide(&name)) || provide("libpython3.so"); // the loader reports a missing one
 }
 
-/// Lists the dependencies of a library, with those that are missing. Loads the library and its dependencies.
+/// Lists the dependencies of a library, including missing ones. Loads the library and its dependencies.
 pub(in crate::fmi) fn needs(path: &Path, needs_tool: bool) -> LibraryNeeds {
     crash::install(&"");
     let call = calling(&"dlopen");
@@ -147,7 +145,8 @@ fn failure(error: &libloading::Error) -> String {
             "; is the folder for temporary files mounted noexec? Set TMPDIR to another one",
         );
     } else {
-        reason.push_str("; `hil describe --load` lists all that it needs and lacks");
+        reason
+            .push_str("; run `hil describe --load` to list all dependencies and the missing ones");
     }
     reason
 }

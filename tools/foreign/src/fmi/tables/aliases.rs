@@ -37,14 +37,14 @@ impl Class {
 /// Identity of a value: variables with equal keys are the same value.
 type Key<'a> = (VariableType, u32, Option<&'a str>, &'a [usize]);
 
-/// Mapping from each variable of a model to the one whose column it shares.
+/// Mapping from each variable of a model to the variable whose column it shares.
 pub(super) struct Aliases<'a> {
     model: &'a ModelDescription,
-    /// For each variable, the index of the variable with its column, which may be itself.
+    /// For each variable, the index of the variable with its column, possibly itself.
     columns: Vec<usize>,
     /// For each variable with a column, the indices of all others with its value.
     others: BTreeMap<usize, Vec<usize>>,
-    /// Inputs and parameters whose value is set through another one with a different unit or size.
+    /// Inputs and parameters whose value is set through another variable with a different unit or size.
     set_by: BTreeMap<usize, usize>,
 }
 
@@ -114,8 +114,8 @@ impl<'a> Aliases<'a> {
         self.set_by.get(&place).copied()
     }
 
-    /// Returns the names, in the model and here, of a local variable and of those that share its column. An alias of an
-    /// output counts as a local variable, as tools of FMI 2 write it.
+    /// Returns the names, in the model and here, of a local variable and of the variables that share its column. An
+    /// alias of an output counts as a local variable, as written by tools of FMI 2.
     pub(super) fn names_of_inner(&self, place: usize) -> Vec<String> {
         let others = self.others.get(&place).into_iter().flatten();
         let mut names = Vec::new();

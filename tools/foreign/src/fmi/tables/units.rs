@@ -1,7 +1,7 @@
 //! Units of an FMU as texts of columns.
 //!
-//! Scenarios convert by the meaning of a unit text here. A unit that the FMU defines differently gets a text without
-//! a meaning here, so that it does not convert and `factor` has to be given.
+//! Scenarios convert by the meaning that a unit text has here. A unit that the FMU defines differently gets a text
+//! without a meaning here, so that it does not convert and `factor` must be given.
 
 use std::collections::BTreeSet;
 
@@ -15,7 +15,7 @@ use crate::fmi::description::{BASE_UNITS, BaseUnit, ModelDescription, Unit};
 const LONGEST: usize = 64;
 /// Suffix of a unit whose meaning differs here.
 const MARK: &str = " (FMU)";
-/// Relative difference of two factors that counts as rounding, since tools write few digits.
+/// Relative difference of two factors that counts as rounding, because tools write few digits.
 const ROUNDING: f64 = 1e-5;
 /// Index of rad among the exponents.
 const RADIAN: usize = 7;

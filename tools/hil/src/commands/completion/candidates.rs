@@ -268,7 +268,7 @@ fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
     })
 }
 
-/// Lists the recorded signals and derived ones.
+/// Lists the recorded and the derived signals.
 fn signals(line: &Line) -> Vec<CompletionCandidate> {
     let Some(Subject {
         plan,
@@ -291,7 +291,7 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
         .collect()
 }
 
-/// Returns the plants in question, those of the running session or the built-in ones, with the session's reference
+/// Returns the plants in question (those of the running session or the built-in ones), with the session's reference
 /// signals and the fault kinds common to all plants.
 fn plants(line: &Line) -> (Vec<PlantDescription>, Vec<Field>, Vec<FaultKindDescription>) {
     if let Some(notice) = line.notice()
@@ -343,7 +343,7 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
     own.chain(further).collect()
 }
 
-/// Further names of a signal or parameter that is a target of faults.
+/// Returns further names of a signal or parameter that is a target of faults.
 fn aliases_of<'a>(
     target: &'a str,
     plants: &'a [PlantDescription],

@@ -1,4 +1,4 @@
-//! Command line being completed: its words, and the run or scenario it refers to.
+//! Command line being completed: its words, and the run or scenario to which it refers.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -20,7 +20,7 @@ use super::shells;
 /// Commands that address a running session.
 const OF_A_SESSION: [&str; 7] = ["inject", "get", "set", "watch", "monitor", "panel", "swap"];
 
-/// Run, scenario or session that a line refers to.
+/// Run, scenario or session to which a line refers.
 pub(super) struct Subject {
     pub(super) plan: Plan,
     pub(super) plant: Description,
@@ -32,7 +32,7 @@ pub(super) struct Subject {
 pub(super) struct Line(Vec<String>);
 
 impl Line {
-    /// Extracts the words from a script's request: those after `--`, or for `bash` those of the line it passes.
+    /// Extracts the words from a script's request: those after `--`, or for `bash` those of the line that it passes.
     pub(super) fn words_of(
         arguments: impl Iterator<Item = OsString>,
         is_bash: bool,
@@ -69,7 +69,7 @@ impl Line {
         )
     }
 
-    /// Returns `true` if the line runs a command, given with its subcommand if it has any.
+    /// Returns `true` if the line runs a command, given with its subcommand if it has one.
     pub(super) fn is_of(&self, command: &str) -> bool {
         self.0.iter().skip(1).take(2).any(|word| word == command)
     }
@@ -96,7 +96,7 @@ impl Line {
         self.0.get(place + 1).map(String::as_str)
     }
 
-    /// Returns the addressed session: the named one, or the only one.
+    /// Returns the addressed session: the named session, or the only session.
     pub(super) fn session(&self) -> Option<SessionInfo> {
         let mut running = session::peek();
         match self.after("--session") {
@@ -110,7 +110,7 @@ impl Line {
         self.session().and_then(|session| Notice::read(&session))
     }
 
-    /// Returns the scenario, run or running session that the line refers to.
+    /// Returns the scenario, run or running session to which the line refers.
     pub(super) fn subject(&self) -> Option<Subject> {
         match self.scenario() {
             Some(scenario) => self.of_scenario(&scenario),
@@ -127,7 +127,7 @@ impl Line {
         }
     }
 
-    /// Returns the path of the named scenario, or that of the named run.
+    /// Returns the path of the named scenario, or of the named run.
     fn scenario(&self) -> Option<PathBuf> {
         self.0.iter().skip(2).find_map(|word| {
             let path = Path::new(word);

@@ -64,7 +64,7 @@ _hil_complete() {
 }
 compdef _hil_complete BIN"#;
 
-/// Returns the words of a line, beginning with the name of the command; the last one is being typed.
+/// Returns the words of a line, beginning with the name of the command; the last word is being typed.
 pub(super) fn words(name: &str, line: &str) -> Option<Vec<String>> {
     let (mut words, quote) = parted(line)?;
     if words.is_empty() || (quote.is_none() && line.ends_with(char::is_whitespace)) {

@@ -1,5 +1,5 @@
-//! Transfer of the list of runs from a guard to its child: a message with the list and the real standard input, on
-//! a socket that the child has as its standard input at first.
+//! Transfer of the list of runs from a guard to its child: a message with the list and the real standard input, on a
+//! socket that the child initially has as its standard input.
 //!
 //! Needs no file system: the `/proc` entries of a process are closed even to its child if the program is
 //! privileged.
@@ -21,7 +21,7 @@ use rustix::net::{
 /// them.
 ///
 /// # Errors
-/// If the system has no resources for it.
+/// If the system has no resources for the socket.
 pub(super) fn send(guard: &str, list: &File) -> io::Result<OwnedFd> {
     let (own, of_child) = UnixStream::pair()?;
     let input = io::stdin();
@@ -34,8 +34,8 @@ pub(super) fn send(guard: &str, list: &File) -> io::Result<OwnedFd> {
     Ok(of_child.into())
 }
 
-/// Receives the list from this guard, and restores the standard input that came with it; `None`, with nothing read,
-/// if the standard input is not such a socket.
+/// Receives the list from this guard, and restores the standard input that came with it; `None`, with nothing read, if
+/// the standard input is not such a socket.
 pub(super) fn receive(guard: &str) -> Option<File> {
     let mut content = vec![0; guard.len()];
     let mut space = [MaybeUninit::uninit(); cmsg_space!(ScmRights(2))];

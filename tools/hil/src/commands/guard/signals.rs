@@ -1,8 +1,8 @@
-//! Signals of a guard: blocked from its start, so that none is lost or arrives at the wrong moment, and read one at
-//! a time. Signals ignored at the start stay ignored in the guard and its child, except SIGINT and SIGTERM.
+//! Signals of a guard: blocked from its start, so that none is lost or arrives at the wrong moment, and read one at a
+//! time. Signals that are ignored at the start remain ignored in the guard and its child, except SIGINT and SIGTERM.
 //!
-//! A stop signal is peeked and left to the kernel, which discards it as soon as a continuation follows: so a guard
-//! stops exactly if no continuation has arrived since.
+//! A stop signal is peeked and left to the kernel, which discards the signal as soon as a continuation follows: so a
+//! guard stops exactly if no continuation has arrived since.
 
 use std::io;
 use std::os::fd::AsFd;
@@ -31,7 +31,7 @@ pub(super) const ENDS: [Signal; 12] = [
     Signal::SIGXCPU,
 ];
 
-/// Unblocks the signals in the child, which inherits the mask; pending ones are delivered now.
+/// Unblocks the signals in the child, which inherits the mask; pending signals are delivered now.
 pub(super) fn release() {
     let all: SigSet = (ENDS.into_iter().chain(OTHERS))
         .chain([Signal::SIGTSTP])

@@ -1,6 +1,6 @@
 //! Bit errors in a recording without an end are detected, or all possibly affected data is marked.
 //!
-//! File content is read by the `mcap` crate, which knows nothing of marks.
+//! File content is read by the `mcap` crate, to which marks are unknown.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -71,11 +71,11 @@ impl Content {
 struct Tally {
     refused: usize,
     marked: usize,
-    /// Recoveries equal to that without the flip.
+    /// Number of recoveries whose result equals that without the flip.
     unmarked: usize,
 }
 
-/// Flips a bit in each of these places of a file and recovers that.
+/// Flips a bit in each of these places of a file and recovers the file.
 fn flipped(original: &Original, bytes: &[u8], places: &BTreeSet<(usize, u8)>) -> Tally {
     let sound = Content::by(&original.folder.join(RECORDING));
     let elsewhere = original.folder.join("elsewhere.mcap");
@@ -220,7 +220,7 @@ fn a_file_of_an_older_version_is_recovered_and_entirely_marked() {
         let mut reader = RunReader::open(&path).expect("it stays readable");
         while reader.advance().expect("it stays readable") {}
         let caveat = reader.caveat().expect("it broke off");
-        let nothing = "no check sum covers its records or its facts about the run";
+        let nothing = "no checksum covers its records or its facts about the run";
         assert!(caveat.contains(nothing), "{caveat}");
         let (recovered, text, content) = describe(&path);
         assert_eq!((recovered.records, recovered.vouched_records), (60, 0));
@@ -251,7 +251,7 @@ fn records_of_a_torn_chunk_stay_marked_after_a_second_truncation() {
             recovered.records
         );
         assert_eq!(recovered.vouched_records, 40, "{compression:?}");
-        let first = "check sums cover only its first 40 records";
+        let first = "checksums cover only its first 40 records";
         assert!(text.contains(first), "{text}");
         // The new checksums cover the records that the old ones did not.
         let again = std::fs::read(&path).expect("read");

@@ -1,4 +1,4 @@
-//! `hil runs rm`: removes runs by a rule, or shows which it would remove.
+//! `hil runs rm`: removes runs by a rule, or shows which runs the rule would remove.
 
 use std::fs;
 use std::io;
@@ -23,7 +23,7 @@ use crate::arguments::runs::{Ending, RemovalArguments};
 struct Decision {
     #[serde(flatten)]
     run: Run,
-    /// Reason to keep it; null if it is removed.
+    /// Reason to keep the run; null if the run is removed.
     stays: Option<String>,
 }
 
@@ -38,7 +38,7 @@ pub(super) fn remove(arguments: &RemovalArguments) -> Result<Exit, Failure> {
         || arguments.keep_failed;
     if !is_ruled {
         return Err(Failure::usage(
-            "hil runs rm needs a rule such as --keep-last 10, --keep-failed, --older-than 30d or --scenario NAME; --keep-last 0 removes all",
+            "hil runs rm needs a rule, such as --keep-last 10, --keep-failed, --older-than 30d or --scenario NAME; use --keep-last 0 to remove all",
         ));
     }
     let decisions = decide(arguments)?;
@@ -81,7 +81,7 @@ fn decide(arguments: &RemovalArguments) -> Result<Vec<Decision>, Failure> {
     let newest = arguments.keep_last.unwrap_or(0);
     let decide = |(place, run): (usize, Run)| {
         let stays = match run.verdict {
-            Ending::Running => Some("it goes on".into()),
+            Ending::Running => Some("it is still running".into()),
             _ if place < newest => Some(format!("it is one of the newest {newest}")),
             Ending::Fail | Ending::Aborted | Ending::Broken if arguments.keep_failed => {
                 Some("it did not pass".into())
@@ -103,12 +103,12 @@ fn foreign(folder: &Path) -> Option<String> {
     let mut names = entries.map(|entry| entry.file_name());
     let name = names.find(|name| !is_of_a_run(name))?;
     Some(format!(
-        "it contains {}, which was not created by a run",
+        "it contains {}, which no run created",
         line(&name.to_string_lossy())
     ))
 }
 
-/// Removes the folder of a run; until it is gone, an interrupted removal can be repeated.
+/// Removes the folder of a run; until the folder is gone, an interrupted removal can be repeated.
 fn delete(folder: &Path) -> io::Result<()> {
     for entry in fs::read_dir(folder)? {
         let entry = entry?;

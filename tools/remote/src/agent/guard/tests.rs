@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Time without a sample after which samples are missing.
+/// Time without a sample after which samples count as missing.
 const LIMIT_NS: u64 = 100;
 
 const fn sample(step: u64, at_ns: u64) -> Sample {
@@ -23,7 +23,7 @@ const fn returning(last: Option<Sample>) -> State {
     State::Returning { gap, first, last }
 }
 
-/// Every state, with and without each thing that it may carry.
+/// Every state, with and without each optional part.
 const STATES: [State; 7] = [
     State::Closed,
     commanded(None),
@@ -34,7 +34,7 @@ const STATES: [State; 7] = [
     State::Ended,
 ];
 
-/// Every event; commands before and from the first sample after the gap, and times before and after the limit.
+/// Every event: commands that answer samples before and after the gap, and times before and after the limit.
 const EVENTS: [Event; 10] = [
     Event::Opened,
     Event::Sampled(sample(10, 200)),
@@ -82,8 +82,8 @@ fn every_event_in_every_state_has_the_consequence_of_the_table() {
     }
 }
 
-/// Walks all sequences of events from a state, and checks what a driver of the output would see. `step` is the step of the
-/// next sample, and `fresh` that of the first one after the last switch.
+/// Walks all sequences of events from a state, and checks the output that a driver would see. `step` is the step of the
+/// next sample, and `fresh` that of the first sample after the last switch.
 fn walk(state: State, fresh: Option<u64>, (step, now_ns): (u64, u64), left: u32) {
     if left == 0 {
         return;

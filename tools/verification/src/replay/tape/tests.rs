@@ -6,7 +6,7 @@ use super::*;
 use crate::fixture::{Content, Folder, layout, record, recorded};
 use crate::replay::original::AnswerPlace;
 
-/// Words of a small run's record, by the order of its layout.
+/// Words of a small run's record, in the order of its layout.
 const SAMPLE_INVALID: usize = 1;
 const COMMAND_INVALID: usize = 2;
 const MEASURED: usize = 4;

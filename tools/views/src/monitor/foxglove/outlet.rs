@@ -22,7 +22,7 @@ use crate::monitor::watch::Audience;
 /// Polling interval while clients receive their remaining messages.
 const LOOK: Duration = Duration::from_millis(10);
 
-/// Queue of a client and the number of messages it had no room for.
+/// Queue of a client, and the number of messages for which the queue had no room.
 struct Queue {
     sender: SyncSender<Arc<Data>>,
     missed: Arc<AtomicU64>,

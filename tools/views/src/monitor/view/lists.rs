@@ -1,4 +1,4 @@
-//! Requirements and faults, one per line; if not all fit, the most important ones come first.
+//! Requirements and faults, one per line; if not all of them fit, the most important ones come first.
 
 use hil_facts::session::standing::Standing;
 use ratatui::Frame;
@@ -36,7 +36,7 @@ pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, model: &Model, display: &D
     frame.render_widget(Paragraph::new(cut(faults, below.height)), below);
 }
 
-/// Returns the title and as many lines as fit; the last one counts the hidden ones.
+/// Returns the title and as many lines as fit; the last line counts the hidden ones.
 fn cut(mut lines: Vec<Line<'static>>, rows: u16) -> Vec<Line<'static>> {
     let rows = usize::from(rows);
     if lines.len() > rows && rows > 2 {
@@ -110,7 +110,7 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
     lines
 }
 
-/// Formats a margin as far as it is known.
+/// Formats a margin as far as known.
 pub(in crate::monitor) fn margin(one: &Standing) -> String {
     let size = |value: f64| short_in(value, &one.unit);
     match (one.robustness, one.at_least, one.at_most) {

@@ -146,7 +146,7 @@ fn title_line<'a>(
 /// Format of the range in the scale beside a plot.
 #[derive(Clone, Debug, PartialEq)]
 enum Scale {
-    /// Constant; values that differ in the last bits alone count as equal.
+    /// Constant; values that differ only in the last bits count as equal.
     Flat(f64),
     /// Centre and half-width of a range whose ends agree in five digits.
     Around(f64, f64),
