@@ -113,17 +113,12 @@ fn each_analysis_receives_its_signals_and_its_fault() {
 #[test]
 fn a_shown_plan_checks_to_the_same_plan() {
     let first = plan(&TEXT.replace("end_hz = 5.0", "end_hz = 5.0\nsweep = \"logarithmic\""));
-    let (plants, laws, kinds) = (
-        descriptions::plants(),
-        descriptions::laws(),
-        descriptions::kinds(),
-    );
-    let text = hil_config::show::show(&first, &plants, &laws, &kinds).expect("described");
+    let text = descriptions::shown(&first);
     let again = plan(&text);
     assert_eq!(again.analyses, first.analyses);
     assert_eq!(again.stimuli, first.stimuli);
     assert!(text.contains("sweep = \"logarithmic\""), "{text}");
-    let linear = hil_config::show::show(&plan(TEXT), &plants, &laws, &kinds).expect("described");
+    let linear = descriptions::shown(&plan(TEXT));
     assert!(!linear.contains("sweep"), "{linear}");
     let AnalysisKind::Detection(detection) = &first.analyses[2].kind else {
         panic!("{:?}", first.analyses[2]);

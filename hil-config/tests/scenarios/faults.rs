@@ -9,7 +9,8 @@ use hil_config::scenario::Scenario;
 use shared_types::describe::{Operation, Settings};
 use shared_types::time::Step;
 
-use crate::{base_with_faults, descriptions, plan};
+use crate::descriptions::{self, Checked};
+use crate::{base_with_faults, only, plan};
 
 pub(crate) const EFFECT: &str =
     "effects = [{ target = \"measured.surface_angle_rad\", bias = 0.1 }]";
@@ -239,8 +240,7 @@ fn a_fault_without_a_selector_acts_on_the_plant() {
     }];
     let sizes = settings(&[("change_n_per_m", -40.0)]);
     assert_eq!(effect.action, FaultAction::Move { sizes, moves });
-    let reported = crate::problems(&softening("-101"));
-    let text = reported[0].to_string();
+    let text = only(crate::problems(&softening("-101"))).to_string();
     assert!(
         text.contains("`stiffness_n_per_m` would become 100 + -101 = -1"),
         "{text}"
@@ -339,11 +339,7 @@ fn numbers_can_come_from_a_file_beside_the_scenario() {
         );
         fs::write(&path, base_with_faults(&text)).expect("a file");
         let scenario = Scenario::read(&path).expect("TOML");
-        let plan = scenario.check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        );
+        let plan = scenario.checked();
         plan.map(|mut plan| plan.faults.remove(0).effects.remove(0))
             .map_err(|problems| problems.to_string())
     };

@@ -2,17 +2,15 @@
 
 use hil_config::problem::{Problem, ProblemKind};
 
-use crate::{BASE, descriptions, parse, plan};
+use crate::bad::assert_found;
+use crate::descriptions::Checked;
+use crate::{BASE, only, parse, plan};
 
 fn with(flags: &[&str]) -> Result<hil_config::plan::Plan, Vec<Problem>> {
     parse(BASE)
         .expect("TOML")
         .set(flags)
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
+        .checked()
         .map_err(|problems| problems.0)
 }
 
@@ -69,11 +67,7 @@ fn a_flag_overrides_a_value_under_a_quoted_key() {
         "\"actuator2.piston_mass_kg\" = 60.0\nactuator1.piston_mass_kg = 61.0",
     ] {
         let text = crate::base_with("actuator2.piston_mass_kg = 60.0", quoted);
-        let checked = parse(&text).expect("TOML").set(&[flag]).check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        );
+        let checked = parse(&text).expect("TOML").set(&[flag]).checked();
         let plan = checked.unwrap_or_else(|problems| panic!("{problems}"));
         let mass_kg = plan.plant.parameters.get("actuator2.piston_mass_kg");
         assert_eq!(mass_kg, Some(70.0));
@@ -220,14 +214,11 @@ fn a_faulty_flag_is_reported_with_the_column_of_the_mistake() {
         ),
     ];
     for (flag, column, kind, piece) in cases {
-        let problems = with(&[flag]).expect_err(flag);
-        assert_eq!(problems.len(), 1, "{flag}: {problems:?}");
-        let text = problems[0].to_string();
-        assert_eq!(problems[0].kind, kind, "{text}");
-        assert_eq!(problems[0].source, format!("--set {flag}"));
-        let excerpt = problems[0].excerpt.as_ref().expect("a place");
-        assert_eq!((excerpt.line, excerpt.column), (1, column), "{text}");
-        assert!(text.contains(piece), "`{piece}` is not in\n{text}");
+        let problem = only(with(&[flag]).expect_err(flag));
+        assert_found(&problem, kind, &[piece]);
+        assert_eq!(problem.source, format!("--set {flag}"));
+        let excerpt = problem.excerpt.as_ref().expect("a place");
+        assert_eq!((excerpt.line, excerpt.column), (1, column), "{problem}");
     }
 }
 
@@ -276,11 +267,7 @@ fn faulty_flags_and_a_faulty_file_are_reported_together() {
     let problems = parse(&text)
         .expect("TOML")
         .set(&["a", "run.rate_hz=0", "b[0]=1"])
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
+        .checked()
         .expect_err("all wrong");
     assert_eq!(problems.0.len(), 4, "{problems}");
 }

@@ -10,7 +10,8 @@ use shared_types::describe::{Operation, Settings};
 use shared_types::time::{Rate, Step};
 use shared_types::wait::WaitStrategy;
 
-use crate::{BASE, base_with, check, descriptions, parse, plan};
+use crate::descriptions::{self, Checked};
+use crate::{BASE, base_with, check, parse, plan};
 
 fn rate(hz: f64) -> Rate {
     Rate::new(hz).expect("a rate")
@@ -365,7 +366,7 @@ proptest! {
         ]),
     ) {
         let scenario = parse(BASE).expect("TOML").set(&[format!("{key}={value}")]);
-        let _ = scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds());
+        let _ = scenario.checked();
     }
 }
 

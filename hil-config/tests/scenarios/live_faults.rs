@@ -8,7 +8,7 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use crate::bad::assert_found;
-use crate::{BASE, descriptions, plan};
+use crate::{BASE, descriptions, only, plan};
 
 const BIAS: &str = "effects = [{ target = \"measured.surface_angle_rad\", bias = 0.1 }]";
 
@@ -47,9 +47,10 @@ fn an_event_without_a_trigger_takes_effect_at_once() {
     let actual: Vec<(u32, &Trigger)> = events.iter().map(|e| (e.id, &e.trigger)).collect();
     assert_eq!(actual, [(3, &Trigger::Now), (4, &Trigger::Now)]);
     // With this delay it is over in any case.
-    let late = refused(&text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"));
-    assert_eq!(late.len(), 1, "{late:?}");
-    assert_found(&late[0], ProblemKind::OutOfRange, &["the run is over"]);
+    let problem = only(refused(
+        &text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"),
+    ));
+    assert_found(&problem, ProblemKind::OutOfRange, &["the run is over"]);
 }
 
 #[test]
@@ -102,10 +103,9 @@ fn new_events_may_wait_for_each_other() {
         (&events[0].trigger, &events[1].trigger),
         (&after(4), &after(1))
     );
-    let circular = refused(&text.replace("\"leak\"", "3"));
-    assert_eq!(circular.len(), 1, "{circular:?}");
+    let problem = only(refused(&text.replace("\"leak\"", "3")));
     assert_found(
-        &circular[0],
+        &problem,
         ProblemKind::Mismatch,
         &["event 3, `b` wait for each other"],
     );
@@ -170,10 +170,9 @@ fn each_faulty_request_is_refused_with_the_expected_value() {
             &["a running plant reads no files", "the numbers themselves"],
         ),
     ] {
-        let problems = refused(&text);
-        assert_eq!(problems.len(), 1, "{text}\n{problems:?}");
-        assert_found(&problems[0], kind, pieces);
-        assert_eq!(problems[0].source, "request");
+        let problem = only(refused(&text));
+        assert_found(&problem, kind, pieces);
+        assert_eq!(problem.source, "request");
     }
 }
 
