@@ -121,7 +121,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 20] = [
             "hil-facts",
             "hil-run",
         ],
-        &["hil-benchmark"],
+        &[],
     ),
     (
         "hil-views",

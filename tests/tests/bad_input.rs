@@ -16,6 +16,7 @@ use crate::support::programs::workspace;
 #[path = "../fuzz/src/targets/mod.rs"]
 mod targets;
 
+pub(crate) mod damages;
 mod records;
 mod seeds;
 
@@ -42,6 +43,12 @@ const ODD: [&str; 16] = [
     "4294967296",
     "\"\\u001b[2J\"",
 ];
+
+/// Returns the target of a name.
+fn target(name: &str) -> &'static Target {
+    let target = targets::ALL.iter().find(|target| target.name == name);
+    target.expect("a target")
+}
 
 /// Returns the committed inputs of a target.
 fn corpus(target: &Target) -> Vec<(PathBuf, Vec<u8>)> {
@@ -210,8 +217,7 @@ fn inputs_of_any_size_are_accepted_or_refused_by_name() {
         ("fault", "[[faults]]\nkind = \"stuck\"\n".repeat(20_000)),
     ];
     for (name, input) in inputs {
-        let target = targets::ALL.iter().find(|target| target.name == name);
-        let target = target.expect("a target");
+        let target = target(name);
         let begin: String = input.chars().take(60).collect();
         println!("{name}: {begin:?}, {} bytes", input.len());
         (target.run)(input.as_bytes());
