@@ -266,28 +266,14 @@ fn a_fault_on_parameters_that_are_not_faultable_is_refused() {
 #[test]
 fn a_profile_replaces_that_of_the_plants_fault() {
     let leak = "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 1e-7\n";
-    for (keys, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("speed_per_s = 3", Profile::Exponential { speed_per_s: 3.0 }),
         ("profile = { kind = \"step\" }", Profile::Step),
-        (
-            "profile = { kind = \"ramp\", duration_s = 2 }",
-            Profile::Ramp { duration_s: 2.0 },
-        ),
-        (
-            "profile = { kind = \"exponential\", speed_per_s = 4 }",
-            Profile::Exponential { speed_per_s: 4.0 },
-        ),
-        (
-            "profile = { kind = \"pulse\", duration_s = 0.5 }",
-            Profile::Pulse { duration_s: 0.5 },
-        ),
-        (
-            "profile = { kind = \"intermittent\", period_s = 0.5, duty = 0.25 }",
-            Profile::Intermittent {
-                period_s: 0.5,
-                duty: 0.25,
-            },
-        ),
+        ("profile = { kind = \"ramp\", duration_s = 2 }", Profile::Ramp { duration_s: 2.0 }),
+        ("profile = { kind = \"exponential\", speed_per_s = 4 }", Profile::Exponential { speed_per_s: 4.0 }),
+        ("profile = { kind = \"pulse\", duration_s = 0.5 }", Profile::Pulse { duration_s: 0.5 }),
+        ("profile = { kind = \"intermittent\", period_s = 0.5, duty = 0.25 }", Profile::Intermittent { period_s: 0.5, duty: 0.25 }),
         (
             "profile = { kind = \"table\", time_s = [0, 1], values = [0, 1] }",
             Profile::Table {
@@ -295,7 +281,8 @@ fn a_profile_replaces_that_of_the_plants_fault() {
                 values: vec![0.0, 1.0],
             },
         ),
-    ] {
+    ];
+    for (keys, expected) in cases {
         assert_eq!(
             effect("leakage", &format!("{leak}{keys}")).profile,
             expected

@@ -130,88 +130,24 @@ fn a_flag_may_change_a_part_of_what_an_earlier_one_set() {
 
 #[test]
 fn a_faulty_flag_is_reported_with_the_column_of_the_mistake() {
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "run.rate_hz=0",
-            13,
-            ProblemKind::OutOfRange,
-            "`run.rate_hz` is 0",
-        ),
-        (
-            "run.rate_hz=fast",
-            13,
-            ProblemKind::WrongType,
-            "`run.rate_hz` is text",
-        ),
-        (
-            "run.rat_hz=1",
-            5,
-            ProblemKind::UnknownKey,
-            "unknown key `rat_hz`",
-        ),
-        (
-            "rum.rate_hz=1",
-            1,
-            ProblemKind::UnknownKey,
-            "unknown key `rum`",
-        ),
+        ("run.rate_hz=0", 13, ProblemKind::OutOfRange, "`run.rate_hz` is 0"),
+        ("run.rate_hz=fast", 13, ProblemKind::WrongType, "`run.rate_hz` is text"),
+        ("run.rat_hz=1", 5, ProblemKind::UnknownKey, "unknown key `rat_hz`"),
+        ("rum.rate_hz=1", 1, ProblemKind::UnknownKey, "unknown key `rum`"),
         ("run.rate_hz", 1, ProblemKind::Syntax, "found no `=`"),
         ("run.rate_hz=", 13, ProblemKind::Syntax, "no value"),
         ("run..rate_hz=1", 5, ProblemKind::Syntax, "is not a key"),
-        (
-            "faults[1].at_s=1",
-            7,
-            ProblemKind::Syntax,
-            "has 1 entries, counted from 0; there is no [1]",
-        ),
-        (
-            "faults[x].at_s=1",
-            7,
-            ProblemKind::Syntax,
-            "is not an index",
-        ),
-        (
-            "faults.at_s=1",
-            8,
-            ProblemKind::Syntax,
-            "`faults` is a list, not a table",
-        ),
-        (
-            "run[0]=1",
-            4,
-            ProblemKind::Syntax,
-            "`run` is a table, not a list",
-        ),
-        (
-            "run.seed.x=1",
-            10,
-            ProblemKind::Syntax,
-            "`seed` is a number, not a table",
-        ),
-        (
-            "runs[0]=1",
-            5,
-            ProblemKind::Syntax,
-            "there is no list `runs`",
-        ),
-        (
-            "metrics[0].windows_s=[[0, 1], [1, 9]]",
-            31,
-            ProblemKind::OutOfRange,
-            "not inside the run",
-        ),
-        (
-            "metrics[0].expression=max_abs(eror_rad)",
-            31,
-            ProblemKind::Expression,
-            "column 9 of the expression",
-        ),
-        (
-            "plant.parameters.piston_mass_kg=-1",
-            33,
-            ProblemKind::OutOfRange,
-            "in kg",
-        ),
+        ("faults[1].at_s=1", 7, ProblemKind::Syntax, "has 1 entries, counted from 0; there is no [1]"),
+        ("faults[x].at_s=1", 7, ProblemKind::Syntax, "is not an index"),
+        ("faults.at_s=1", 8, ProblemKind::Syntax, "`faults` is a list, not a table"),
+        ("run[0]=1", 4, ProblemKind::Syntax, "`run` is a table, not a list"),
+        ("run.seed.x=1", 10, ProblemKind::Syntax, "`seed` is a number, not a table"),
+        ("runs[0]=1", 5, ProblemKind::Syntax, "there is no list `runs`"),
+        ("metrics[0].windows_s=[[0, 1], [1, 9]]", 31, ProblemKind::OutOfRange, "not inside the run"),
+        ("metrics[0].expression=max_abs(eror_rad)", 31, ProblemKind::Expression, "column 9 of the expression"),
+        ("plant.parameters.piston_mass_kg=-1", 33, ProblemKind::OutOfRange, "in kg"),
     ];
     for (flag, column, kind, piece) in cases {
         let problem = only(with(&[flag]).expect_err(flag));

@@ -114,46 +114,16 @@ fn new_events_may_wait_for_each_other() {
 #[test]
 fn each_faulty_request_is_refused_with_the_expected_value() {
     let one = |keys: &str| format!("[[faults]]\nkind = \"bias\"\n{keys}\n{BIAS}");
-    for (text, kind, pieces) in [
-        (
-            String::new(),
-            ProblemKind::MissingKey,
-            &["`faults` is missing"][..],
-        ),
-        (
-            "faults = []".into(),
-            ProblemKind::MissingKey,
-            &["`faults` is missing", "at least one fault event"],
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (String::new(), ProblemKind::MissingKey, &["`faults` is missing"][..]),
+        ("faults = []".into(), ProblemKind::MissingKey, &["`faults` is missing", "at least one fault event"]),
         ("[[faults]".into(), ProblemKind::Syntax, &["not TOML"]),
-        (
-            format!("schema = 1\n{}", one("")),
-            ProblemKind::UnknownKey,
-            &["unknown key `schema`", "one of `faults`"],
-        ),
-        (
-            one("name = \"leak\""),
-            ProblemKind::Duplicate,
-            &["already named `leak`"],
-        ),
-        (
-            one("after = 4"),
-            ProblemKind::UnknownName,
-            &[
-                "there is no fault event 4",
-                "one of `leak`, or a number from 1 to 3",
-            ],
-        ),
-        (
-            one("after = \"leek\""),
-            ProblemKind::UnknownName,
-            &["nearest: `leak`"],
-        ),
-        (
-            one("at_s = 2"),
-            ProblemKind::OutOfRange,
-            &["at 2 s the run is over"],
-        ),
+        (format!("schema = 1\n{}", one("")), ProblemKind::UnknownKey, &["unknown key `schema`", "one of `faults`"]),
+        (one("name = \"leak\""), ProblemKind::Duplicate, &["already named `leak`"]),
+        (one("after = 4"), ProblemKind::UnknownName, &["there is no fault event 4", "one of `leak`, or a number from 1 to 3"]),
+        (one("after = \"leek\""), ProblemKind::UnknownName, &["nearest: `leak`"]),
+        (one("at_s = 2"), ProblemKind::OutOfRange, &["at 2 s the run is over"]),
         (
             one("").replace(
                 "0.1 }",
@@ -169,7 +139,8 @@ fn each_faulty_request_is_refused_with_the_expected_value() {
             ProblemKind::Unreadable,
             &["a running plant reads no files", "the numbers themselves"],
         ),
-    ] {
+    ];
+    for (text, kind, pieces) in cases {
         let problem = only(refused(&text));
         assert_found(&problem, kind, pieces);
         assert_eq!(problem.source, "request");

@@ -99,34 +99,16 @@ fn a_controller_may_have_a_program_for_each_type_of_machine() {
 
 #[test]
 fn an_invalid_program_is_refused_at_its_place() {
-    for (plant, controller, key, kind) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("3", "\"a\"", "plant.program", ProblemKind::WrongType),
-        (
-            "{ x86_64 = \"a\" }",
-            "\"a\"",
-            "plant.program",
-            ProblemKind::WrongType,
-        ),
+        ("{ x86_64 = \"a\" }", "\"a\"", "plant.program", ProblemKind::WrongType),
         ("\"\"", "\"a\"", "plant.program", ProblemKind::OutOfRange),
-        (
-            "\"a\\u0007\"",
-            "\"a\"",
-            "plant.program",
-            ProblemKind::OutOfRange,
-        ),
-        (
-            "\"a\"",
-            "[\"a\"]",
-            "controller.program",
-            ProblemKind::WrongType,
-        ),
-        (
-            "\"a\"",
-            "{ x86_64 = 1 }",
-            "controller.program.x86_64",
-            ProblemKind::WrongType,
-        ),
-    ] {
+        ("\"a\\u0007\"", "\"a\"", "plant.program", ProblemKind::OutOfRange),
+        ("\"a\"", "[\"a\"]", "controller.program", ProblemKind::WrongType),
+        ("\"a\"", "{ x86_64 = 1 }", "controller.program.x86_64", ProblemKind::WrongType),
+    ];
+    for (plant, controller, key, kind) in cases {
         let text = naming(plant, controller);
         let reported = only(problems(&text));
         assert_eq!((reported.key.as_str(), reported.kind), (key, kind));

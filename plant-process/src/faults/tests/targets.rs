@@ -273,43 +273,14 @@ fn parameters_are_healthy_again_after_the_last_fault() {
 #[test]
 fn no_fault_moves_a_parameter_out_of_its_range() {
     // The load may be -5 to 5 and is 0, the gain 0 to 100 and is 10.
+    #[rustfmt::skip] // a table
     let cases: [(FaultEvent, [f64; 2], (u64, f64)); 5] = [
-        (
-            event(
-                1,
-                "x",
-                at(0),
-                &[moving(&[("load_n", Operation::Add, -7.0)])],
-            ),
-            [10.0, -5.0],
-            (2, 5.0),
-        ),
-        (
-            event(1, "plus", at(0), &[on("parameter.load_n", 7.0)]),
-            [10.0, 5.0],
-            (2, 5.0),
-        ),
-        (
-            event(1, "infinite", at(0), &[on("parameter.gain", 0.0)]),
-            [100.0, 0.0],
-            (2, 90.0),
-        ),
+        (event(1, "x", at(0), &[moving(&[("load_n", Operation::Add, -7.0)])]), [10.0, -5.0], (2, 5.0)),
+        (event(1, "plus", at(0), &[on("parameter.load_n", 7.0)]), [10.0, 5.0], (2, 5.0)),
+        (event(1, "infinite", at(0), &[on("parameter.gain", 0.0)]), [100.0, 0.0], (2, 90.0)),
         // NaN changes nothing, and is reported as no change.
-        (
-            event(1, "no-number", at(0), &[on("parameter.gain", 0.0)]),
-            [10.0, 0.0],
-            (0, 0.0),
-        ),
-        (
-            event(
-                1,
-                "x",
-                at(0),
-                &[moving(&[("gain", Operation::Add, f64::NAN)])],
-            ),
-            [10.0, 0.0],
-            (0, 0.0),
-        ),
+        (event(1, "no-number", at(0), &[on("parameter.gain", 0.0)]), [10.0, 0.0], (0, 0.0)),
+        (event(1, "x", at(0), &[moving(&[("gain", Operation::Add, f64::NAN)])]), [10.0, 0.0], (0, 0.0)),
     ];
     for (event, expected, acted) in cases {
         let mut rig = Rig::new(&[event]);
