@@ -7,17 +7,10 @@ use crate::support::programs::shipped;
 #[test]
 fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
     let rig = Rig::new();
-    for (from, to, expected) in [
-        (
-            "cases = 30",
-            "casse = 30",
-            vec!["nearest: `cases`", "demo.toml:4:1"],
-        ),
-        (
-            "SCENARIO",
-            "nowhere.toml",
-            vec!["the scenario cannot be read", "nowhere.toml"],
-        ),
+    #[rustfmt::skip] // a table
+    let rows = [
+        ("cases = 30", "casse = 30", vec!["nearest: `cases`", "demo.toml:4:1"]),
+        ("SCENARIO", "nowhere.toml", vec!["the scenario cannot be read", "nowhere.toml"]),
         (
             "key = \"plant.parameters.mass_kg\"",
             "name = \"mass_kg\"\nkey = \"plant.parameters.mas_kg\"",
@@ -36,16 +29,8 @@ fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
                 "demo.toml:9:7",
             ],
         ),
-        (
-            "set = [\"controller.law=hold\"]",
-            "set = [\"controller.law=holt\"]",
-            vec!["nearest: `hold`", "a case has controller.law=holt"],
-        ),
-        (
-            "set = [\"plant.substeps=4\"]",
-            "set = [\"run.clock=paced\"]",
-            vec!["run.clock = \"paced\"", "lockstep"],
-        ),
+        ("set = [\"controller.law=hold\"]", "set = [\"controller.law=holt\"]", vec!["nearest: `hold`", "a case has controller.law=holt"]),
+        ("set = [\"plant.substeps=4\"]", "set = [\"run.clock=paced\"]", vec!["run.clock = \"paced\"", "lockstep"]),
         (
             "set = [\"plant.substeps=4\"]",
             "set = [\"plant.parameters.mass_kg=3\"]",
@@ -68,12 +53,9 @@ fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
                 "demo.toml:31:15",
             ],
         ),
-        (
-            "[[variants]]\nname = \"hold\"",
-            "[[variants]]\nname = \"pid\"",
-            vec!["no name twice"],
-        ),
-    ] {
+        ("[[variants]]\nname = \"hold\"", "[[variants]]\nname = \"pid\"", vec!["no name twice"]),
+    ];
+    for (from, to, expected) in rows {
         let wrong = STUDY.replace(from, to);
         assert_ne!(wrong, STUDY, "{from}");
         let path = study(&rig, &wrong);
@@ -190,24 +172,14 @@ fn unwritable_tables_point_to_the_command_that_writes_none() {
 fn wrong_arguments_are_refused_with_the_reason() {
     let rig = Rig::new();
     let demo = Planned::demo(&rig);
-    for (arguments, expected) in [
-        (
-            vec!["case", text(&demo), "60"],
-            "there is no case 60; the campaign has 60, counted from 0",
-        ),
-        (
-            vec!["work", text(&demo), "--shards", "x"],
-            "expected numbers and ranges, for example 0-9,12",
-        ),
-        (
-            vec!["work", text(&demo), "--shards", "1000"],
-            "there is no shard 1000",
-        ),
-        (
-            vec!["work", text(&demo), "--task", "3/3"],
-            "for example 0/16",
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        (vec!["case", text(&demo), "60"], "there is no case 60; the campaign has 60, counted from 0"),
+        (vec!["work", text(&demo), "--shards", "x"], "expected numbers and ranges, for example 0-9,12"),
+        (vec!["work", text(&demo), "--shards", "1000"], "there is no shard 1000"),
+        (vec!["work", text(&demo), "--task", "3/3"], "for example 0/16"),
+    ];
+    for (arguments, expected) in cases {
         campaign(&rig, &arguments).expect(2).says(&[expected]);
     }
 }
