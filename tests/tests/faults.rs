@@ -114,7 +114,7 @@ fn a_bias_is_the_difference_between_measured_and_sensed_values() {
 }
 
 #[test]
-fn a_lost_command_leaves_the_last_one_in_force_and_its_age_grows() {
+fn after_a_lost_command_the_last_one_is_held_and_its_age_grows() {
     let rig = Rig::new();
     let given = (
         "message-loss",

@@ -374,7 +374,7 @@ fn nothing_continues_on_the_target_however_the_desk_ends() {
 }
 
 #[test]
-fn a_silent_target_is_given_up_and_named() {
+fn a_silent_target_is_abandoned_by_name() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     // A paused run awaits no answer: only the bridge can miss the target.

@@ -363,7 +363,7 @@ fn a_nominal_value_outside_the_laws_range_is_refused() {
 }
 
 #[test]
-fn a_plant_without_faults_says_so() {
+fn a_plant_without_faults_reports_that_it_has_none() {
     let text = "
 schema = 1
 run = {duration_s = 1, rate_hz = 100}

@@ -52,7 +52,7 @@ fn values_count_in_the_unit_of_the_signal() {
 }
 
 #[test]
-fn the_stages_stand_in_the_order_of_the_hardware() {
+fn the_stages_have_the_order_of_the_hardware() {
     let text = with(&format!(
         "[[sensors]]\nsignal = \"{ANGLE}\"\nrange = [-2, 2]\nbits = 16\ndelay_s = 0.004\nrate_hz = 250\nnoise_sigma = 1e-3\nlag_hz = 100\nnoise_density = \"1 mrad/sqrt(Hz)\"\nbias_walk = 1e-6\nbias_sigma = \"1 mrad\"\nbias_tau_s = 100\nbias = 1e-4\ncross = {{ {PISTON} = 0.01 }}\nscale = 1.001\n[[actuators]]\nsignal = \"{CURRENT}\"\nrate_hz = 500\nresolution = 1e-6\nrange = [-0.01, 0.01]\nbacklash = 1e-5\ndead_band = 1e-5\nlag_hz = 100\nlag_damping = 0.7\nrate_limit_per_s = \"200 mA/ms\"\ndead_time_s = 0.003"
     ));

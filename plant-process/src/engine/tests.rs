@@ -294,7 +294,7 @@ fn a_run_records_every_step_and_the_final_truth() {
 }
 
 #[test]
-fn a_fault_event_stands_between_the_records_around_it() {
+fn a_fault_event_is_published_between_the_records_around_it() {
     let (mut engine, mut controller, mut source) = greeted(job(4));
     run(&mut engine, &mut controller, 1.0);
     let mut order = Vec::new();

@@ -420,7 +420,7 @@ fn aliases_work_during_the_run_and_afterwards() {
 }
 
 #[test]
-fn an_alias_of_an_output_is_asked_for_as_an_inner_signal() {
+fn an_alias_of_an_output_can_be_requested_as_an_inner_signal() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         let plant = [row("x", &["body.x"]), row("u", &[]), row("k", &[])];

@@ -182,7 +182,7 @@ fn validity_is_delayed_with_its_value() {
 }
 
 #[test]
-fn an_invalid_command_leaves_the_last_valid_one_in_force() {
+fn after_an_invalid_command_the_last_valid_one_is_held() {
     // The controller itself marks `u_n` as invalid, then a fault does so with `v_n`.
     let mut rig = Rig::new(&[event(1, "gone", at(5), &[on("command.v_n", 0.0)])]);
     rig.run(2);
@@ -197,7 +197,7 @@ fn an_invalid_command_leaves_the_last_valid_one_in_force() {
 }
 
 #[test]
-fn an_invalid_command_of_the_controller_is_no_effect_of_a_fault() {
+fn an_invalid_command_from_the_controller_is_not_counted_as_a_fault_effect() {
     let mut rig = Rig::new(&[event(1, "plus", at(2), &[on("command.u_n", 1.0)])]);
     rig.run(2);
     rig.command_invalid = 0b01;
