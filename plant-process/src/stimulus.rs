@@ -267,7 +267,7 @@ mod tests {
 
     // f = lambda t: mpf(-0.5) + 2*sin(2*pi*(4 + mpf(19.5) * 64 / 16 + 20*(t - 8)))
     #[test]
-    fn a_chirp_goes_on_at_its_end_frequency() {
+    fn a_chirp_continues_at_its_end_frequency() {
         #[rustfmt::skip]
         let expected = [1.1629392246050905, 139.63002900860414, -26260.08366385044,
             -2204949.038124087, 414682619.6827409, 34819159569.355576];
@@ -295,7 +295,7 @@ mod tests {
 
     // f = lambda t: mpf(-0.5) + 2*sin(2*pi*(mpf(19.5) / k + 20*(t - 8)))
     #[test]
-    fn a_logarithmic_chirp_goes_on_at_its_end_frequency() {
+    fn a_logarithmic_chirp_continues_at_its_end_frequency() {
         #[rustfmt::skip]
         let expected = [0.171385753090683, -236.7432576521893, -10602.098853651996,
             3738499.676243647, 167421634.4108611, -59036020573.0007];

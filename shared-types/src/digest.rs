@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn one_flipped_bit_changes_it() {
+    fn a_flipped_bit_in_a_record_changes_the_digest() {
         let mut records: Vec<[u64; 3]> = (0..1000).map(|k| [k, 7, 9]).collect();
         let before = of(&records);
         records[500][2] ^= 1;

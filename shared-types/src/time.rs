@@ -163,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn a_time_on_the_grid_is_its_own_step() {
+    fn a_time_on_the_grid_belongs_to_exactly_one_step() {
         for hz in [1.0, 3.0, 10.0, 1000.0, 10_000.0, 999_999.0] {
             for k in [0, 1, 2, 3, 7, 69_999, 70_000, 70_001, 1 << 40] {
                 let at_s = rate(hz).seconds(Step(k));

@@ -16,6 +16,7 @@ use crate::support::programs::workspace;
 #[path = "../fuzz/src/targets/mod.rs"]
 mod targets;
 
+pub(crate) mod damages;
 mod records;
 mod seeds;
 
@@ -42,6 +43,12 @@ const ODD: [&str; 16] = [
     "4294967296",
     "\"\\u001b[2J\"",
 ];
+
+/// Returns the target of a name.
+fn target(name: &str) -> &'static Target {
+    let target = targets::ALL.iter().find(|target| target.name == name);
+    target.expect("a target")
+}
 
 /// Returns the committed inputs of a target.
 fn corpus(target: &Target) -> Vec<(PathBuf, Vec<u8>)> {
@@ -155,63 +162,30 @@ fn mutations_of_the_corpus_are_accepted_or_refused_by_name() {
 fn inputs_of_any_size_are_accepted_or_refused_by_name() {
     let scenario = |rest: &str| format!("schema = 1\nname = \"x\"\n{rest}");
     let long = "x".repeat(10 << 20);
+    #[rustfmt::skip] // a table
     let inputs: [(&str, String); 19] = [
         ("expression", "(".repeat(100_000)),
-        (
-            "expression",
-            format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000)),
-        ),
+        ("expression", format!("{}1{}", "(".repeat(100_000), ")".repeat(100_000))),
         ("expression", format!("{}1", "-".repeat(100_000))),
         ("expression", format!("{}a < 1", "not ".repeat(100_000))),
-        (
-            "expression",
-            format!("a < 1{}", " implies a < 1".repeat(20_000)),
-        ),
+        ("expression", format!("a < 1{}", " implies a < 1".repeat(20_000))),
         ("expression", format!("a{}", " + a".repeat(200_000))),
-        (
-            "expression",
-            format!("a < 1{}", " and a < 1".repeat(100_000)),
-        ),
+        ("expression", format!("a < 1{}", " and a < 1".repeat(100_000))),
         ("expression", long.clone()),
         ("scenario", scenario(&format!("description = \"{long}\""))),
         ("scenario", scenario(&format!("{long} = 1"))),
         ("scenario", scenario(&"[[faults]]\n".repeat(1_000_000))),
-        (
-            "scenario",
-            scenario(&format!("faults = [{}]", "{},".repeat(1_000_000))),
-        ),
-        (
-            "scenario",
-            scenario(&format!(
-                "run = {{{}}}",
-                (0..100_000).map(|n| format!("k{n}=1,")).collect::<String>()
-            )),
-        ),
-        (
-            "scenario",
-            scenario(&format!("a = {}", "[".repeat(100_000))),
-        ),
-        (
-            "scenario",
-            scenario(&format!("{}b = 1", "b.".repeat(100_000))),
-        ),
-        (
-            "scenario",
-            scenario(&format!("[{}b]", "b.".repeat(100_000))),
-        ),
-        (
-            "scenario",
-            scenario(&format!("#--set {}b=1", "b.".repeat(100_000))),
-        ),
-        (
-            "scenario",
-            scenario(&format!("#--set a={}", "[".repeat(100_000))),
-        ),
+        ("scenario", scenario(&format!("faults = [{}]", "{},".repeat(1_000_000)))),
+        ("scenario", scenario(&format!("run = {{{}}}", (0..100_000).map(|n| format!("k{n}=1,")).collect::<String>()))),
+        ("scenario", scenario(&format!("a = {}", "[".repeat(100_000)))),
+        ("scenario", scenario(&format!("{}b = 1", "b.".repeat(100_000)))),
+        ("scenario", scenario(&format!("[{}b]", "b.".repeat(100_000)))),
+        ("scenario", scenario(&format!("#--set {}b=1", "b.".repeat(100_000)))),
+        ("scenario", scenario(&format!("#--set a={}", "[".repeat(100_000)))),
         ("fault", "[[faults]]\nkind = \"stuck\"\n".repeat(20_000)),
     ];
     for (name, input) in inputs {
-        let target = targets::ALL.iter().find(|target| target.name == name);
-        let target = target.expect("a target");
+        let target = target(name);
         let begin: String = input.chars().take(60).collect();
         println!("{name}: {begin:?}, {} bytes", input.len());
         (target.run)(input.as_bytes());

@@ -182,36 +182,17 @@ fn incomparable_runs_and_baselines_are_refused() {
         .expect(0);
     let mass = mass.folder.display().to_string();
     let other = kept.other();
-    for (arguments, expected) in [
-        (
-            vec![folder, "--baseline", "leekage", "--baselines", file],
-            "nearest: `leakage`",
-        ),
-        (
-            vec![folder, "--baseline", "a/b", "--baselines", file],
-            "is not a valid baseline name",
-        ),
-        (
-            vec![
-                folder,
-                "--baseline",
-                "leakage",
-                "--baselines",
-                "nowhere.toml",
-            ],
-            "create it with --update",
-        ),
-        (
-            vec![&mass, "--baseline", "leakage", "--baselines", file],
-            "belongs to scenario `leakage`",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (vec![folder, "--baseline", "leekage", "--baselines", file], "nearest: `leakage`"),
+        (vec![folder, "--baseline", "a/b", "--baselines", file], "is not a valid baseline name"),
+        (vec![folder, "--baseline", "leakage", "--baselines", "nowhere.toml"], "create it with --update"),
+        (vec![&mass, "--baseline", "leakage", "--baselines", file], "belongs to scenario `leakage`"),
         (vec![folder], "<B>"),
-        (
-            vec![folder, &other, "--baseline", "leakage"],
-            "cannot be used with",
-        ),
+        (vec![folder, &other, "--baseline", "leakage"], "cannot be used with"),
         (vec![folder, &other, "--update"], "cannot be used with"),
-    ] {
+    ];
+    for (arguments, expected) in cases {
         kept.rig
             .hil(&[&["compare"], &arguments[..]].concat())
             .expect(2)

@@ -11,6 +11,7 @@ mod slurm;
 mod trust;
 
 use std::io::Write as _;
+use std::ops::Deref;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -63,24 +64,58 @@ pub(crate) fn study(rig: &Rig, text: &str) -> PathBuf {
     rig.write("demo.toml", &text.replace("SCENARIO", scenario))
 }
 
+/// Planned campaign, in the test's folder.
+pub(crate) struct Planned<'r> {
+    rig: &'r Rig,
+    folder: PathBuf,
+}
+
+impl<'r> Planned<'r> {
+    /// Plans a campaign of [`STUDY`].
+    fn demo(rig: &'r Rig) -> Self {
+        planned(rig, &study(rig, STUDY), "demo")
+    }
+
+    /// Plans and runs a campaign of [`STUDY`].
+    fn completed(rig: &'r Rig) -> Self {
+        let demo = Self::demo(rig);
+        demo.on("run").expect(0);
+        demo
+    }
+
+    /// Runs `hil campaign` with a verb, this folder, and options separated by spaces.
+    fn on(&self, line: &str) -> Run {
+        let mut words = line.split(' ');
+        let verb = words.next().unwrap_or_default();
+        let options: Vec<&str> = words.collect();
+        campaign(self.rig, &[&[verb, text(self)], &options[..]].concat())
+    }
+
+    /// Returns the digest of the complete campaign.
+    fn digest(&self) -> String {
+        let collected = self.on("collect --json").expect(0).json();
+        collected["digest"].as_str().expect("a digest").to_owned()
+    }
+}
+
+impl Deref for Planned<'_> {
+    type Target = Path;
+
+    fn deref(&self) -> &Path {
+        &self.folder
+    }
+}
+
 /// Plans a campaign in the test's folder.
-pub(crate) fn planned(rig: &Rig, study: &Path, name: &str) -> PathBuf {
+pub(crate) fn planned<'r>(rig: &'r Rig, study: &Path, name: &str) -> Planned<'r> {
     let folder = rig.path(name);
     rig.hil(&["campaign", "plan", text(study), "-o", text(&folder)])
         .expect(0);
-    folder
+    Planned { rig, folder }
 }
 
 fn campaign(rig: &Rig, arguments: &[&str]) -> Run {
-    let all: Vec<&str> = ["campaign"].iter().chain(arguments).copied().collect();
-    rig.hil(&all)
-}
-
-/// Returns the digest of a complete campaign.
-fn digest(rig: &Rig, folder: &Path) -> String {
-    let run = campaign(rig, &["collect", text(folder), "--json"]).expect(0);
-    let digest = run.json()["digest"].as_str().map(str::to_owned);
-    digest.expect("a digest")
+    rig.hil(&[&["campaign"], arguments].concat())
 }
 
 #[test]
@@ -88,8 +123,8 @@ fn any_number_of_workers_gives_one_digest_even_if_some_are_killed() {
     let rig = Rig::new();
     let study = study(&rig, STUDY);
     let one = planned(&rig, &study, "one");
-    campaign(&rig, &["run", text(&one), "--jobs", "1"]).expect(0);
-    let expected = digest(&rig, &one);
+    one.on("run --jobs 1").expect(0);
+    let expected = one.digest();
 
     let three = planned(&rig, &study, "three");
     for signal in [Signal::KILL, Signal::INT, Signal::KILL] {
@@ -102,13 +137,11 @@ fn any_number_of_workers_gives_one_digest_even_if_some_are_killed() {
         running.finish_beside_another();
         until("the workers are gone", || rig.processes().is_empty());
     }
-    campaign(&rig, &["run", text(&three), "--jobs", "3"]).expect(0);
-    assert_eq!(digest(&rig, &three), expected);
-    let [of_one, of_three] = [one, three.clone()].map(|folder| page::data(&rig, &folder));
+    three.on("run --jobs 3").expect(0);
+    assert_eq!(three.digest(), expected);
+    let [of_one, of_three] = [&one, &three].map(|folder| page::data(&rig, folder));
     assert_eq!(of_one["envelopes"], of_three["envelopes"]);
-    let status = campaign(&rig, &["status", text(&three), "--json"])
-        .expect(0)
-        .json();
+    let status = three.on("status --json").expect(0).json();
     assert_eq!(
         (&status["published"], &status["missing"]),
         (&60.into(), &0.into())
@@ -131,15 +164,14 @@ fn done(rig: &Rig, folder: &Path) -> u64 {
 #[test]
 fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let demo = Planned::completed(&rig);
     // The shown scenario needs nothing of the campaign.
-    let view = campaign(&rig, &["case", text(&folder), "4", "--show"]).expect(0);
+    let view = demo.on("case 4 --show").expect(0);
     let scenario = rig.write("case.toml", &view.stdout);
     let alone = rig.run(text(&scenario)).expect(0);
     for flags in [&[][..], &["--in-process"]] {
         let out = rig.path(&format!("case{}", flags.len()));
-        let mut arguments = vec!["case", text(&folder), "4", "--json", "--out", text(&out)];
+        let mut arguments = vec!["case", text(&demo), "4", "--json", "--out", text(&out)];
         arguments.extend(flags);
         let run = campaign(&rig, &arguments)
             .expect(0)
@@ -148,12 +180,12 @@ fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
         assert!(out.join("run.mcap").exists());
     }
     // The planned programs run, regardless of how hil is called, of programs beside it and of the environment.
-    let broken = folder.join("programs/plant-process");
+    let broken = demo.join("programs/plant-process");
     let plant = std::fs::read(&broken).expect("a copy");
     let mut other = plant.clone();
     other.push(0);
     std::fs::write(&broken, other).expect("written");
-    campaign(&rig, &["case", text(&folder), "4"])
+    demo.on("case 4")
         .expect(2)
         .says(&["programs/plant-process has hash"]);
     std::fs::write(&broken, plant).expect("written");
@@ -161,7 +193,7 @@ fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
     let arguments = [
         "campaign",
         "case",
-        text(&folder),
+        text(&demo),
         "4",
         "--json",
         "--out",
@@ -185,7 +217,7 @@ fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
         &rig,
         &[
             "case",
-            text(&folder),
+            text(&demo),
             "5",
             "--in-process",
             "--out",
@@ -198,20 +230,19 @@ fn a_case_equals_the_run_of_its_values_in_one_process_and_in_two() {
 #[test]
 fn a_second_result_that_differs_ends_with_exit_code_1() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let demo = Planned::completed(&rig);
     let conflict =
         r#"{"case": 7, "column": "digest", "first": "a", "second": "b", "by": "a test"}"#;
-    std::fs::write(folder.join("conflicts/000000007-0.json"), conflict).expect("written");
+    std::fs::write(demo.join("conflicts/000000007-0.json"), conflict).expect("written");
     for verb in ["run", "collect", "show", "status"] {
-        let run = campaign(&rig, &[verb, text(&folder)]).expect(1);
+        let run = demo.on(verb).expect(1);
         let output = run.stdout + &run.stderr;
         assert!(
             output.contains("case 7 has two different results: digest is a, but b from a test"),
             "{verb}: {output}"
         );
     }
-    campaign(&rig, &["compare", text(&folder), text(&folder)])
+    campaign(&rig, &["compare", text(&demo), text(&demo)])
         .expect(1)
         .says(&["case 7 has two different results"]);
 }
@@ -236,21 +267,20 @@ fn below(folder: &Path) -> Vec<(PathBuf, std::time::SystemTime)> {
 #[test]
 fn reading_a_campaign_writes_nothing_into_its_folder() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let demo = Planned::completed(&rig);
     for table in ["results.parquet", "circumstances.parquet"] {
-        std::fs::remove_file(folder.join(table)).expect("a table");
+        std::fs::remove_file(demo.join(table)).expect("a table");
     }
     let page = rig.path("page.html");
-    let content = || below(&folder);
+    let content = || below(&demo);
     let before = content();
-    campaign(&rig, &["show", text(&folder)]).expect(0);
-    campaign(&rig, &["compare", text(&folder), text(&folder)]).expect(0);
-    campaign(&rig, &["status", text(&folder)]).expect(0);
-    rig.hil(&["report", text(&folder), "-o", text(&page)])
+    demo.on("show").expect(0);
+    campaign(&rig, &["compare", text(&demo), text(&demo)]).expect(0);
+    demo.on("status").expect(0);
+    rig.hil(&["report", text(&demo), "-o", text(&page)])
         .expect(0);
     assert_eq!(content(), before);
-    campaign(&rig, &["collect", text(&folder)]).expect(0);
+    demo.on("collect").expect(0);
     assert_ne!(content(), before);
 }
 
@@ -261,7 +291,7 @@ fn the_bounds_of_goals_decide_the_exit_code() {
     for (probability, code) in [(0.90, 0), (0.91, 1)] {
         let goal = format!("{STUDY}\n[[goals]]\nvariant = \"pid\"\nprobability = {probability}\n");
         let folder = planned(&rig, &study(&rig, &goal), &format!("goal{code}"));
-        let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(code);
+        let run = folder.on("run --json").expect(code);
         let answers = run.json();
         let lower = answers["goals"][0]["lower"].as_f64().expect("a bound");
         assert!((lower - 0.904_966_147).abs() < 1e-9, "{lower}");
@@ -276,16 +306,15 @@ fn the_bounds_of_goals_decide_the_exit_code() {
     // A grid is not a sample.
     let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
     let folder = planned(&rig, &study(&rig, grid), "grid");
-    let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
+    let run = folder.on("run --json").expect(0);
     assert_eq!(run.json()["variants"][0]["passes"]["bounds"], Value::Null);
 }
 
 #[test]
 fn a_margin_that_varies_by_rounding_correlates_with_nothing() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let answers = campaign(&rig, &["show", text(&folder), "--json"]).expect(0);
+    let demo = Planned::completed(&rig);
+    let answers = demo.on("show --json").expect(0);
     let answers = answers.json();
     // Each loop has settled to a tenth of a millionth of the limit; its speed depends on the plant.
     let [settles, answers_the_step] =
@@ -295,7 +324,7 @@ fn a_margin_that_varies_by_rounding_correlates_with_nothing() {
     assert_eq!(answers_the_step["is_rounding"], false);
     let strongest = answers_the_step["correlations"][0][1].as_f64();
     assert!(strongest < Some(-0.8), "{answers_the_step}");
-    let table = campaign(&rig, &["show", text(&folder)]).expect(0).stdout;
+    let table = demo.on("show").expect(0).stdout;
     assert_eq!(
         table.matches("varies by rounding only").count(),
         1,
@@ -306,29 +335,28 @@ fn a_margin_that_varies_by_rounding_correlates_with_nothing() {
 #[test]
 fn an_unfinished_campaign_reports_no_probability_and_says_why() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
+    let demo = Planned::demo(&rig);
+    demo.on("work --shards 0-3").expect(0);
     for verb in ["collect", "show"] {
-        campaign(&rig, &[verb, text(&folder)])
+        demo.on(verb)
             .expect(3)
             .says(&["of 60 cases have no result", "slow cases come last"]);
     }
-    let run = campaign(&rig, &["collect", text(&folder), "--partial", "--json"]).expect(3);
+    let run = demo.on("collect --partial --json").expect(3);
     assert_eq!(run.json()["digest"], Value::Null);
     // Tasks of other engines work on the rest.
     for part in ["0/2", "1/2"] {
-        campaign(&rig, &["work", text(&folder), "--task", part]).expect(0);
+        campaign(&rig, &["work", text(&demo), "--task", part]).expect(0);
     }
-    campaign(&rig, &["show", text(&folder)]).expect(0);
+    demo.on("show").expect(0);
 }
 
 #[test]
 fn a_damaged_result_is_set_aside_and_recomputed() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let expected = digest(&rig, &folder);
-    let part = folder.join("shards/00000002/part.parquet");
+    let demo = Planned::completed(&rig);
+    let expected = demo.digest();
+    let part = demo.join("shards/00000002/part.parquet");
     let damage = || {
         let mut bytes = std::fs::read(&part).expect("a part");
         let middle = bytes.len() / 2;
@@ -337,20 +365,16 @@ fn a_damaged_result_is_set_aside_and_recomputed() {
     };
     damage();
     // Read-only commands report it and leave it in place.
-    campaign(&rig, &["show", text(&folder)])
+    demo.on("show")
         .expect(3)
         .says(&["shard 2", "its checksum does not match"]);
-    campaign(&rig, &["collect", text(&folder)])
-        .expect(3)
-        .says(&["shard 2", "set aside"]);
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    assert_eq!(digest(&rig, &folder), expected);
+    demo.on("collect").expect(3).says(&["shard 2", "set aside"]);
+    demo.on("run").expect(0);
+    assert_eq!(demo.digest(), expected);
     // One run finds it, sets it aside and recomputes it.
     damage();
-    campaign(&rig, &["run", text(&folder)])
-        .expect(0)
-        .says(&["shard 2", "set aside"]);
-    assert_eq!(digest(&rig, &folder), expected);
+    demo.on("run").expect(0).says(&["shard 2", "set aside"]);
+    assert_eq!(demo.digest(), expected);
 }
 
 #[test]
@@ -363,7 +387,7 @@ fn campaigns_are_compared_case_by_case() {
     );
     let [a, b] = [("a", STUDY), ("b", &hard)].map(|(name, varied)| {
         let folder = planned(&rig, &study(&rig, varied), name);
-        campaign(&rig, &["run", text(&folder)]).expect(0);
+        folder.on("run").expect(0);
         folder
     });
     let same = campaign(&rig, &["compare", text(&a), text(&a), "--json"])
@@ -383,7 +407,7 @@ fn campaigns_are_compared_case_by_case() {
     assert!((p * f64::from(1 << 29) - 1.0).abs() < 1e-9, "{p}");
     let other = STUDY.replace("seed = 3", "seed = 4");
     let folder = planned(&rig, &study(&rig, &other), "other");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    folder.on("run").expect(0);
     campaign(&rig, &["compare", text(&a), text(&folder)])
         .expect(2)
         .says(&["only campaigns on the same draws"]);
@@ -396,10 +420,10 @@ fn duckdb_polars_and_pandas_read_the_tables_with_equal_counts() {
         return skip(why, "HIL_TEST_PYTHON");
     };
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(0);
+    let demo = Planned::demo(&rig);
+    let run = demo.on("run --json").expect(0);
     let script = workspace().join("tests/python/campaign_tables.py");
-    let output = succeeds(Command::new(python).arg(script).arg(&folder));
+    let output = succeeds(Command::new(python).arg(script).arg(&*demo));
     let output: Value = serde_json::from_str(&output).expect("JSON");
     for reader in ["duckdb", "polars", "pandas"] {
         assert_eq!(output[reader]["rows"], 60, "{reader}");

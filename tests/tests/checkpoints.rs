@@ -238,7 +238,7 @@ fn a_branch_with_another_severity_has_the_same_past_and_another_future() {
 }
 
 #[test]
-fn a_branch_whose_fault_had_not_begun_is_the_straight_run_of_the_other_scenario() {
+fn a_branch_whose_fault_had_not_begun_equals_the_uninterrupted_run_of_the_other_scenario() {
     let rig = Rig::new();
     let straight = rig
         .run(&format!("{SCENARIO} --checkpoint-at 0.9"))

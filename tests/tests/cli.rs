@@ -258,7 +258,7 @@ fn foreign_programs_are_refused() {
 }
 
 #[test]
-fn a_program_that_does_not_answer_is_given_up() {
+fn a_program_that_does_not_answer_is_abandoned() {
     let rig = Rig::new();
     // Without `exec`: the shell's child holds the pipes open, too.
     let silent = rig.script("silent", "#!/bin/sh\nsleep 3600\n");

@@ -13,51 +13,22 @@ use crate::support::terminal::Terminal;
 /// Typed lines with their completions or candidates. Other tests have sessions too.
 fn lines(rig: &Rig) -> Vec<(String, String)> {
     let session = rig.session();
+    #[rustfmt::skip] // a table
     let lines = [
-        (
-            format!("hil pause --session {}", &session[..session.len() - 1]),
-            session,
-        ),
+        (format!("hil pause --session {}", &session[..session.len() - 1]), session),
         (format!("hil inject --session {session} bia"), "bias"),
-        (
-            format!("hil inject --session {session} bias measured.pos"),
-            "measured.position_m",
-        ),
-        (
-            format!("hil inject --session {session} bias measured.position_m --bi"),
-            "--bias",
-        ),
-        (
-            format!("hil get --session {session} truth.pos"),
-            "truth.position_m",
-        ),
-        (
-            format!("hil watch --session {session} tracking_err"),
-            "tracking_error_m",
-        ),
-        (
-            format!("hil set --session {session} controller.pid.prop"),
-            "controller.pid.proportional_n_per_m=",
-        ),
-        (
-            format!("hil set --session {session} plant.parameters.stif"),
-            "plant.parameters.stiffness_n_per_m=",
-        ),
-        (
-            format!("hil set --session {session} --clear ref"),
-            "reference.position_m",
-        ),
+        (format!("hil inject --session {session} bias measured.pos"), "measured.position_m"),
+        (format!("hil inject --session {session} bias measured.position_m --bi"), "--bias"),
+        (format!("hil get --session {session} truth.pos"), "truth.position_m"),
+        (format!("hil watch --session {session} tracking_err"), "tracking_error_m"),
+        (format!("hil set --session {session} controller.pid.prop"), "controller.pid.proportional_n_per_m="),
+        (format!("hil set --session {session} plant.parameters.stif"), "plant.parameters.stiffness_n_per_m="),
+        (format!("hil set --session {session} --clear ref"), "reference.position_m"),
         ("hil run pla".into(), "plain.toml"),
         ("hil run my".into(), "my own.toml"),
         ("hil run 'my".into(), "my own.toml"),
-        (
-            "hil run plain.toml --set controller.pid.prop".into(),
-            "controller.pid.proportional_n_per_m=",
-        ),
-        (
-            "hil run plain.toml --set controller.law=ho".into(),
-            "controller.law=hold",
-        ),
+        ("hil run plain.toml --set controller.pid.prop".into(), "controller.pid.proportional_n_per_m="),
+        ("hil run plain.toml --set controller.law=ho".into(), "controller.law=hold"),
         ("hil report lat".into(), "latest"),
         ("hil export runs/fir".into(), "runs/first"),
     ];

@@ -114,7 +114,7 @@ fn a_bias_is_the_difference_between_measured_and_sensed_values() {
 }
 
 #[test]
-fn a_lost_command_leaves_the_last_one_in_force_and_its_age_grows() {
+fn after_a_lost_command_the_last_one_is_held_and_its_age_grows() {
     let rig = Rig::new();
     let given = (
         "message-loss",
@@ -197,48 +197,17 @@ fn skipped_steps_are_reproducible_and_visible_in_the_age() {
 }
 
 /// Faults of each class, some of them random.
+#[rustfmt::skip] // a table
 const MANY: [(&str, &str, &str); 9] = [
-    (
-        "leakage",
-        "",
-        "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 10",
-    ),
-    (
-        "noise",
-        "",
-        "target = \"measured.surface_angle_rad\"\nstandard_deviation = 1e-5",
-    ),
-    (
-        "noise",
-        "",
-        "target = \"measured.actuator1_velocity_mps\"\nstandard_deviation = 1e-5",
-    ),
+    ("leakage", "", "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 1e-7\nspeed_per_s = 10"),
+    ("noise", "", "target = \"measured.surface_angle_rad\"\nstandard_deviation = 1e-5"),
+    ("noise", "", "target = \"measured.actuator1_velocity_mps\"\nstandard_deviation = 1e-5"),
     ("message-jitter", "", "target = \"link.sample\"\nsteps = 3"),
-    (
-        "message-loss",
-        "",
-        "target = \"link.command\"\nprobability = 0.1",
-    ),
-    (
-        "message-corruption",
-        "",
-        "target = \"link.command\"\nprobability = 0.01",
-    ),
-    (
-        "skip",
-        "",
-        "target = \"controller\"\nsteps = 2\nperiod_steps = 100",
-    ),
-    (
-        "late",
-        "occurrences = 3",
-        "target = \"controller\"\nbusy_us = 20\nspread_us = 20",
-    ),
-    (
-        "scale",
-        "",
-        "target = \"parameter.actuator2.bulk_modulus_pa\"\nfactor = 0.9",
-    ),
+    ("message-loss", "", "target = \"link.command\"\nprobability = 0.1"),
+    ("message-corruption", "", "target = \"link.command\"\nprobability = 0.01"),
+    ("skip", "", "target = \"controller\"\nsteps = 2\nperiod_steps = 100"),
+    ("late", "occurrences = 3", "target = \"controller\"\nbusy_us = 20\nspread_us = 20"),
+    ("scale", "", "target = \"parameter.actuator2.bulk_modulus_pa\"\nfactor = 0.9"),
 ];
 
 #[test]

@@ -352,44 +352,18 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
     let and = |name: &str| [sound.clone(), vec![(name.into(), b"x".to_vec())]].concat();
     let bomb = "<!DOCTYPE d [<!ENTITY a \"aaaaaaaaaa\"><!ENTITY b \"&a;&a;&a;&a;&a;&a;\">]>\n<fmiModelDescription";
     let library = "Dahlquist.so";
-    for (entries, fragment) in [
-        (
-            and("../../outside"),
-            "does not name a file inside the archive",
-        ),
-        (
-            and("/etc/outside"),
-            "does not name a file inside the archive",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (and("../../outside"), "does not name a file inside the archive"),
+        (and("/etc/outside"), "does not name a file inside the archive"),
         (vec![], "too short"),
         (sound[1..].to_vec(), "it has no modelDescription.xml"),
         (sound[..1].to_vec(), "it has no library for"),
-        (
-            with(sound.clone(), ".xml", text("<fmiModelDescription", bomb)),
-            "document type",
-        ),
-        (
-            with(sound.clone(), ".xml", text("\"3.0\"", "\"1.0\"")),
-            "only FMI 2.0 and 3.0 are supported",
-        ),
-        (
-            with(sound.clone(), ".xml", |bytes| {
-                bytes[..bytes.len() / 2].to_vec()
-            }),
-            "modelDescription.xml",
-        ),
-        (
-            with(sound.clone(), library, |_| b"no library".to_vec()),
-            "its library cannot be loaded",
-        ),
-        (
-            with(
-                sound.clone(),
-                ".xml",
-                text("instantiationToken=\"{", "instantiationToken=\"{0"),
-            ),
-            "refuses to be instantiated",
-        ),
+        (with(sound.clone(), ".xml", text("<fmiModelDescription", bomb)), "document type"),
+        (with(sound.clone(), ".xml", text("\"3.0\"", "\"1.0\"")), "only FMI 2.0 and 3.0 are supported"),
+        (with(sound.clone(), ".xml", |bytes| { bytes[..bytes.len() / 2].to_vec() }), "modelDescription.xml"),
+        (with(sound.clone(), library, |_| b"no library".to_vec()), "its library cannot be loaded"),
+        (with(sound.clone(), ".xml", text("instantiationToken=\"{", "instantiationToken=\"{0")), "refuses to be instantiated"),
         (
             with(sound.clone(), library, |_| {
                 let other = reference("Dahlquist", 2);
@@ -397,7 +371,8 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
             }),
             "no function `fmi3GetVersion`",
         ),
-    ] {
+    ];
+    for (entries, fragment) in cases {
         place.fmu("hostile.fmu", &entries);
         if entries.is_empty() {
             place.rig.write("hostile.fmu", "PK");

@@ -387,7 +387,7 @@ fn a_guard_with_a_stack_of_64_kib_reads_every_signal() {
 }
 
 #[test]
-fn a_paused_run_says_so_on_its_own_terminal() {
+fn a_paused_run_is_reported_on_its_own_terminal() {
     for link in ["iceoryx2", "in-process"] {
         let rig = Rig::new();
         let output = rig.path("said");

@@ -58,65 +58,28 @@ fn an_honest_plant_passes() {
 
 #[test]
 fn false_statements_of_a_plant_are_detected() {
-    for (lie, facts) in [
-        (
-            "runs-two-steps",
-            &["a completed run after 2 steps", "1000"][..],
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("runs-two-steps", &["a completed run after 2 steps", "1000"][..]),
         ("runs-no-step", &["a completed run after 0 steps", "1000"]),
-        (
-            "claims-all-steps",
-            &["1000 executed steps", "1001 records", "3 arrived"],
-        ),
+        ("claims-all-steps", &["1000 executed steps", "1001 records", "3 arrived"]),
         ("claims-no-step", &["a completed run after 0 steps", "1000"]),
-        (
-            "claims-more-steps",
-            &["18446744073709551615 executed steps", "1000"],
-        ),
-        (
-            "diverges-beyond-the-end",
-            &["18446744073709551615 executed steps", "1000"],
-        ),
-        (
-            "keeps-one-back",
-            &["record of step 501", "instead of step 500"],
-        ),
-        (
-            "keeps-the-last-back",
-            &["1000 executed steps", "1001 records", "500 arrived"],
-        ),
-        (
-            "doubles-one",
-            &["record of step 500", "instead of step 501"],
-        ),
+        ("claims-more-steps", &["18446744073709551615 executed steps", "1000"]),
+        ("diverges-beyond-the-end", &["18446744073709551615 executed steps", "1000"]),
+        ("keeps-one-back", &["record of step 501", "instead of step 500"]),
+        ("keeps-the-last-back", &["1000 executed steps", "1001 records", "500 arrived"]),
+        ("doubles-one", &["record of step 500", "instead of step 501"]),
         ("swaps-two", &["record of step 501", "instead of step 500"]),
-        (
-            "tells-another-time",
-            &["record of step 500", "500000001 ns", "500000000 ns"],
-        ),
-        (
-            "has-no-controller",
-            &["the loss of controller 1", "hold", "abort"],
-        ),
-        (
-            "loses-it-against-the-plan",
-            &["the loss of controller 1", "hold", "abort"],
-        ),
+        ("tells-another-time", &["record of step 500", "500000001 ns", "500000000 ns"]),
+        ("has-no-controller", &["the loss of controller 1", "hold", "abort"]),
+        ("loses-it-against-the-plan", &["the loss of controller 1", "hold", "abort"]),
         ("gets-another", &["controller 2", "was never started"]),
         ("misses-commands", &["1 commands missed", "0 records"]),
-        (
-            "makes-up-a-fault",
-            &["effect 0 of fault 7", "no such fault"],
-        ),
-        (
-            "writes-on-the-terminal",
-            &["all is \u{fffd}[32mwell\u{fffd}"],
-        ),
-        (
-            "misnames",
-            &["truth signal", "position_m\\nfloat64 other_m", "--describe"],
-        ),
-    ] {
+        ("makes-up-a-fault", &["effect 0 of fault 7", "no such fault"]),
+        ("writes-on-the-terminal", &["all is \u{fffd}[32mwell\u{fffd}"]),
+        ("misnames", &["truth signal", "position_m\\nfloat64 other_m", "--describe"]),
+    ];
+    for (lie, facts) in cases {
         let rig = Rig::new();
         found_out(lies(&rig, lie, ""), lie, facts);
     }

@@ -10,25 +10,14 @@ use tempfile::TempDir;
 use crate::support::programs::{build, workspace};
 
 /// Mutation: a file of the machines, the original code, and that of the mutant.
+#[rustfmt::skip] // a table
 const MUTANTS: [(&str, &str, &str); 12] = [
     // A command of any step is applied.
-    (
-        "plant.rs",
-        "Some(FrameKind::Command)) if frame_step == *step =>",
-        "Some(FrameKind::Command)) if frame_step <= *step =>",
-    ),
+    ("plant.rs", "Some(FrameKind::Command)) if frame_step == *step =>", "Some(FrameKind::Command)) if frame_step <= *step =>"),
     // A message of a lost controller is accepted.
-    (
-        "plant.rs",
-        "(_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),",
-        "",
-    ),
+    ("plant.rs", "(_, PlantEvent::Frame(_)) if self.is_alone() => self.ignore(Reason::Lost),", ""),
     // The death of any controller removes the active one.
-    (
-        "plant.rs",
-        "if epoch == self.epoch() {",
-        "if epoch <= self.epoch() {",
-    ),
+    ("plant.rs", "if epoch == self.epoch() {", "if epoch <= self.epoch() {"),
     // A repeated sample is answered again.
     (
         "controller.rs",
@@ -36,17 +25,9 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "Some(FrameKind::Sample))\n                if frame_step <= *step || (may_be_later && frame_step > *step) =>",
     ),
     // A repeated command violates the protocol.
-    (
-        "plant.rs",
-        "(_, Some(FrameKind::Command)) if frame_step < self.at() =>",
-        "(_, Some(FrameKind::Command)) if false =>",
-    ),
+    ("plant.rs", "(_, Some(FrameKind::Command)) if frame_step < self.at() =>", "(_, Some(FrameKind::Command)) if false =>"),
     // Waiting for the confirmation of the end has no limit.
-    (
-        "plant.rs",
-        "self.late(format!(\"confirm the end after {} steps\", self.steps), *ms)",
-        "PlantAction::Nothing",
-    ),
+    ("plant.rs", "self.late(format!(\"confirm the end after {} steps\", self.steps), *ms)", "PlantAction::Nothing"),
     // The end waits for the confirmation of a lost controller.
     (
         "plant.rs",
@@ -54,11 +35,7 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "(State::AwaitConfirmation, PlantEvent::Missed) if self.steps == 0 => {",
     ),
     // A step waits for a lost controller.
-    (
-        "plant.rs",
-        "self.against_clock || self.is_alone()",
-        "self.against_clock",
-    ),
+    ("plant.rs", "self.against_clock || self.is_alone()", "self.against_clock"),
     // A controller is lost twice.
     (
         "plant.rs",
@@ -66,22 +43,14 @@ const MUTANTS: [(&str, &str, &str); 12] = [
         "let epoch = self.epoch();",
     ),
     // Ignored messages renew the limit of a wait.
-    (
-        "plant.rs",
-        "self.newer.0,\n        ])",
-        "self.newer.0 + self.ignored.total(),\n        ])",
-    ),
+    ("plant.rs", "self.newer.0,\n        ])", "self.newer.0 + self.ignored.total(),\n        ])"),
     (
         "controller.rs",
         "Standing([self.state.number(), self.at().0, 0, 0, 0])",
         "Standing([self.state.number(), self.at().0, self.ignored, 0, 0])",
     ),
     // In real time an older command replaces a newer one.
-    (
-        "plant.rs",
-        "frame_step < *step && frame_step >= self.newer =>",
-        "frame_step < *step =>",
-    ),
+    ("plant.rs", "frame_step < *step && frame_step >= self.newer =>", "frame_step < *step =>"),
 ];
 
 #[test]

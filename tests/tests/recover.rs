@@ -7,6 +7,7 @@ use hil_session::session::SessionInfo;
 use rustix::process::Signal;
 use serde_json::Value;
 
+use crate::bad_input::damages::of_any_file;
 use crate::support::harness::{Rig, names, text, until, until_gone};
 use crate::support::mcap_reader::{Record, Recording};
 use crate::support::programs::{program, workspace};
@@ -273,22 +274,6 @@ fn remains_of_a_killed_command_are_removed_by_the_next() {
     assert!(!table.exists());
 }
 
-/// Lists possible damages of a file.
-fn damages(bytes: &[u8]) -> Vec<(&'static str, Vec<u8>)> {
-    let mut flipped = bytes.to_vec();
-    let middle = flipped.len() / 2;
-    let end = flipped.len().min(middle + 64);
-    (flipped[middle..end].iter_mut()).for_each(|byte| *byte = !*byte);
-    vec![
-        ("nothing", Vec::new()),
-        ("the first bytes", bytes[..40.min(bytes.len())].to_vec()),
-        ("half", bytes[..middle].to_vec()),
-        ("flipped bits", flipped),
-        ("text", b"this is no such file\n".to_vec()),
-        ("zeros", vec![0; 4096]),
-    ]
-}
-
 #[test]
 fn every_command_names_a_damaged_recording() {
     let rig = Rig::new();
@@ -330,7 +315,7 @@ fn every_command_names_a_damaged_recording() {
         let path = workspace().join("tests/fuzz/corpus/recording").join(name);
         (name, std::fs::read(path).expect("of the corpus"))
     });
-    for (damage, bytes) in damages(&bytes).into_iter().chain(made) {
+    for (damage, bytes) in of_any_file(&bytes).into_iter().chain(made) {
         for command in &commands {
             std::fs::write(&file, &bytes).expect("written");
             let output = rig.hil(command);
@@ -376,7 +361,7 @@ fn every_other_damaged_file_is_named() {
         (scenario.clone(), &checked),
     ] {
         let sound = std::fs::read(&file).expect("read");
-        let mut damages = damages(&sound);
+        let mut damages = of_any_file(&sound);
         if file
             .extension()
             .is_some_and(|extension| extension == "toml")

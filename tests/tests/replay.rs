@@ -336,37 +336,21 @@ fn unreplayable_recordings_are_refused_before_anything_starts() {
     let (misbehaving, rebuilt) = (misbehaving_controller(), rebuilt());
     let words = rig.write("words.mcap", "not a recording");
     let folder = text(&run.folder);
-    for (arguments, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         (vec![text(&words)], "is not a recording of a run"),
         (vec!["nowhere/run"], "cannot read"),
-        (
-            vec![folder, "--controller-bin", "nowhere/controller"],
-            "cannot run",
-        ),
+        (vec![folder, "--controller-bin", "nowhere/controller"], "cannot run"),
         // A controller for another plant.
-        (
-            vec![folder, "--controller-bin", text(&misbehaving)],
-            "unknown law `pid`",
-        ),
+        (vec![folder, "--controller-bin", text(&misbehaving)], "unknown law `pid`"),
         // One that no longer has a command of this one.
-        (
-            vec![folder, "--controller-bin", text(&rebuilt)],
-            "needs the command `actuator2_valve_current_a`",
-        ),
-        (
-            vec![
-                folder,
-                "--controller-bin",
-                text(&rebuilt),
-                "--link",
-                "in-process",
-            ],
-            "needs a process",
-        ),
+        (vec![folder, "--controller-bin", text(&rebuilt)], "needs the command `actuator2_valve_current_a`"),
+        (vec![folder, "--controller-bin", text(&rebuilt), "--link", "in-process"], "needs a process"),
         (vec![folder, "--tolerance", "-1"], "at least 0"),
         (vec![folder, "--wait-limit", "0"], "above 0"),
         (vec![folder, "--session", "NO"], "is not a session name"),
-    ] {
+    ];
+    for (arguments, expected) in cases {
         rig.hil(&[&["replay"], &arguments[..]].concat())
             .expect(2)
             .says(&[expected]);

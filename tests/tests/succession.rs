@@ -319,7 +319,7 @@ fn stranger(folder: &Path) -> IceoryxLink {
 }
 
 #[test]
-fn one_good_swap_after_another_never_ends_the_run() {
+fn repeated_swaps_never_end_the_run() {
     let rig = Rig::new();
     let running = rig.start("scenarios/spring-mass.toml --pace 1 --set run.duration_s=600");
     running.children_at_once();

@@ -121,26 +121,16 @@ fn impossible_suites_are_refused_before_anything_starts() {
     let wrong = rig.write("wrong.toml", &scenario("wrong", "pdi", 1.0));
     let (good, wrong) = (good.display(), wrong.display());
     let missing = rig.path("none").join("all.xml");
-    for (arguments, message) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         (format!("{good} {wrong}"), "pdi"),
         (format!("{good} {good} --jobs 100000"), "exceeds the"),
-        (
-            format!("{good} --repeat 2 --pause-at 0.1"),
-            "--pause-at requires a single run",
-        ),
-        (
-            format!("{good} --junit {}", missing.display()),
-            "its folder does not exist",
-        ),
-        (
-            format!("{good} {good} --audit"),
-            "--audit requires a single scenario",
-        ),
-        (
-            format!("{good} --repeat 0"),
-            "a whole number from 1 to 10000",
-        ),
-    ] {
+        (format!("{good} --repeat 2 --pause-at 0.1"), "--pause-at requires a single run"),
+        (format!("{good} --junit {}", missing.display()), "its folder does not exist"),
+        (format!("{good} {good} --audit"), "--audit requires a single scenario"),
+        (format!("{good} --repeat 0"), "a whole number from 1 to 10000"),
+    ];
+    for (arguments, message) in cases {
         let run = rig.run(&arguments).expect(2).says(&[message]);
         assert!(!run.folder.exists(), "{arguments}");
     }

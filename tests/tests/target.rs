@@ -374,7 +374,7 @@ fn nothing_continues_on_the_target_however_the_desk_ends() {
 }
 
 #[test]
-fn a_silent_target_is_given_up_and_named() {
+fn a_silent_target_is_abandoned_by_name() {
     let rig = Rig::new();
     let board = Board::new(&rig);
     // A paused run awaits no answer: only the bridge can miss the target.
@@ -413,42 +413,23 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
     let nothing = rig.write("no.key", "nothing");
     std::fs::set_permissions(&nothing, std::fs::Permissions::from_mode(0o600)).expect("closed");
     let (foreign, open, nothing) = (text(&foreign), text(&open), text(&nothing));
-    for (arguments, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("--target -oProxyCommand=x", "unexpected argument"),
         ("--target=-oProxyCommand=x", "is not a target"),
         ("--target a;b", "is not a target"),
         ("--target serve://board", "is not a target"),
         ("--key-file board.key", "--target <TARGET>"),
-        (
-            &format!("{ON_BOARD} --key-file {open}"),
-            "ssh uses its own keys",
-        ),
+        (&format!("{ON_BOARD} --key-file {open}"), "ssh uses its own keys"),
         ("--target serve://127.0.0.1:1", "needs its key"),
-        (
-            &format!("--target serve://127.0.0.1:1 --key-file {open}"),
-            "can be read by others",
-        ),
-        (
-            &format!("--target serve://127.0.0.1:1 --key-file {nothing}"),
-            "holds no key",
-        ),
-        (
-            &format!("{ON_BOARD} --controller-bin {foreign}"),
-            "is built for aarch64, the target is",
-        ),
-        (
-            &format!("{ON_BOARD} --target-agent {foreign}"),
-            "is built for aarch64, the target is",
-        ),
-        (
-            &format!("{ON_BOARD} --link in-process"),
-            "needs a process on the target",
-        ),
-        (
-            &format!("{ON_BOARD} --checkpoint-at 0.1"),
-            "--checkpoint-at cannot be used with --target",
-        ),
-    ] {
+        (&format!("--target serve://127.0.0.1:1 --key-file {open}"), "can be read by others"),
+        (&format!("--target serve://127.0.0.1:1 --key-file {nothing}"), "holds no key"),
+        (&format!("{ON_BOARD} --controller-bin {foreign}"), "is built for aarch64, the target is"),
+        (&format!("{ON_BOARD} --target-agent {foreign}"), "is built for aarch64, the target is"),
+        (&format!("{ON_BOARD} --link in-process"), "needs a process on the target"),
+        (&format!("{ON_BOARD} --checkpoint-at 0.1"), "--checkpoint-at cannot be used with --target"),
+    ];
+    for (arguments, expected) in cases {
         let run = run(&rig, &board, &format!("{SHORT} {arguments}")).expect(2);
         assert!(!run.folder.exists(), "{arguments}");
         run.says(&[expected]);

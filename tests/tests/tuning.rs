@@ -141,39 +141,23 @@ fn invalid_changes_are_refused_by_name_and_change_nothing() {
     let plain = rig.run(SPRING).expect(0).digest();
     let run = rig.start(&format!("{SPRING} --pause-at 1"));
     rig.until_held_at(1000);
-    for (words, why) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("plant.parameters.mas_kg=1", "plant.parameters.mass_kg"),
-        (
-            "controller.pid.proportional_n_per=1",
-            "controller.pid.proportional_n_per_m",
-        ),
+        ("controller.pid.proportional_n_per=1", "controller.pid.proportional_n_per_m"),
         ("controller.nrsc.x=1", "there is no"),
-        (
-            "plant.parameters.initial_position_m=0.1",
-            "cannot be changed during the run",
-        ),
+        ("plant.parameters.initial_position_m=0.1", "cannot be changed during the run"),
         ("plant.parameters.mass_kg=0", "out of range"),
         ("plant.parameters.mass_kg=nan", "not a number"),
-        (
-            "plant.parameters.mass_kg=1 plant.parameters.mass_kg=2",
-            "given twice",
-        ),
-        (
-            "plant.parameters.mass_kg=2 reference.position_m=inf",
-            "out of range",
-        ),
+        ("plant.parameters.mass_kg=1 plant.parameters.mass_kg=2", "given twice"),
+        ("plant.parameters.mass_kg=2 reference.position_m=inf", "out of range"),
         ("plant.parameters.mass_kg=2 --at 0.5", "is past"),
         ("plant.parameters.mass_kg=2 --at 5", "the run ends at 5 s"),
-        (
-            "controller.pid.command_limit_n=inf --ramp 1s",
-            "along a ramp",
-        ),
+        ("controller.pid.command_limit_n=inf --ramp 1s", "along a ramp"),
         ("--clear reference.velocity_mps", "has no stimulus"),
-        (
-            "--clear reference.position_m --ramp 1s",
-            "a ramp has no end value",
-        ),
-    ] {
+        ("--clear reference.position_m --ramp 1s", "a ramp has no end value"),
+    ];
+    for (words, why) in cases {
         rig.in_session(&format!("set {words}"))
             .expect(2)
             .says(&[why]);

@@ -58,18 +58,13 @@ impl Controller for Witness {
 
     fn step(&mut self, sample: &Sample<Self>) -> (Command, Internals) {
         self.calls += 1.0;
-        let valid = if sample.valid { 1.0 } else { 0.0 };
         let internals = Internals {
             calls: self.calls,
-            valid,
+            valid: if sample.valid { 1.0 } else { 0.0 },
             time_s: sample.time_s,
         };
-        (
-            Command {
-                force_n: 10.0 * sample.measured.position_m,
-            },
-            internals,
-        )
+        let force_n = 10.0 * sample.measured.position_m;
+        (Command { force_n }, internals)
     }
 }
 

@@ -232,7 +232,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_and_remainders_of_other_languages_are_answered_with_what_is_written_here() {
+    fn ranges_and_remainders_of_other_languages_are_refused_with_the_syntax_of_this_one() {
         for (text, span, fragment) in [
             ("always[0s..5s](x < 1)", 7..13, "write `0s, 5s`"),
             ("always[0..=5](x < 1)", 7..12, "write `0, 5`"),

@@ -98,50 +98,21 @@ fn using_a_faulty_value_is_not_reported_as_another_mistake() {
 fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
     let uniform = "[[vary]]\nkey = \"a.b\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
     let normal = "[[vary]]\nkey = \"a.n\"\nkind = \"normal\"\nmean = 0\ndeviation = 1\n";
-    for (text, message) in [
+    #[rustfmt::skip] // a table
+    let rows = [
         (uniform.to_owned(), "`cases` is missing"),
         ("cases = 1\nsampels = 2\n".into(), "nearest: `sampling`"),
-        (
-            format!("cases = 1\n{}", uniform.replace("uniform", "unifrom")),
-            "nearest: `uniform`",
-        ),
-        (
-            format!("cases = 1\n{}", uniform.replace("max = 1", "max = 0")),
-            "`vary[0].min` is not below max",
-        ),
-        (
-            format!("cases = 1\n{uniform}{uniform}"),
-            "`a.b` is already set by this study",
-        ),
-        (
-            format!("cases = 1\nset = [\"a.b=3\"]\n{uniform}"),
-            "`a.b` is already set by this study",
-        ),
+        (format!("cases = 1\n{}", uniform.replace("uniform", "unifrom")), "nearest: `uniform`"),
+        (format!("cases = 1\n{}", uniform.replace("max = 1", "max = 0")), "`vary[0].min` is not below max"),
+        (format!("cases = 1\n{uniform}{uniform}"), "`a.b` is already set by this study"),
+        (format!("cases = 1\nset = [\"a.b=3\"]\n{uniform}"), "`a.b` is already set by this study"),
         ("cases = 1\nset = [\"a.b\"]\n".into(), "`a.b` has no `=`"),
-        (
-            format!("cases = 1\n{}", uniform.replace("a.b", "a..b")),
-            "`` is not a key",
-        ),
-        (
-            format!("cases = 1\n{}", uniform.replace("a.b", "a.class")),
-            "a column of every table of results",
-        ),
-        (
-            format!("sampling = \"grid\"\n{uniform}"),
-            "`b` is uniform, but a grid needs points",
-        ),
-        (
-            "sampling = \"grid\"\ncases = 3\n".into(),
-            "a grid has as many cases as points",
-        ),
-        (
-            "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, \"x\"]\n".into(),
-            "a value of the type of the first",
-        ),
-        (
-            "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1]\n".into(),
-            "nothing varies",
-        ),
+        (format!("cases = 1\n{}", uniform.replace("a.b", "a..b")), "`` is not a key"),
+        (format!("cases = 1\n{}", uniform.replace("a.b", "a.class")), "a column of every table of results"),
+        (format!("sampling = \"grid\"\n{uniform}"), "`b` is uniform, but a grid needs points"),
+        ("sampling = \"grid\"\ncases = 3\n".into(), "a grid has as many cases as points"),
+        ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, \"x\"]\n".into(), "a value of the type of the first"),
+        ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1]\n".into(), "nothing varies"),
         (
             format!(
                 "cases = 1\n{uniform}[[vary]]\nname = \"c\"\nkind = \"expression\"\nexpression = \"2 * d\"\n"
@@ -154,18 +125,9 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
             ),
             "`b` is not a normal or lognormal value",
         ),
-        (
-            "cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(),
-            "has no confidence bounds",
-        ),
-        (
-            "cases = 1\n[[goals]]\nprobability = 0.9\nvariant = \"senario\"\n".into(),
-            "nearest: `scenario`",
-        ),
-        (
-            "cases = 100000001\n".into(),
-            "a whole number from 1 to 100000000",
-        ),
+        ("cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(), "has no confidence bounds"),
+        ("cases = 1\n[[goals]]\nprobability = 0.9\nvariant = \"senario\"\n".into(), "nearest: `scenario`"),
+        ("cases = 100000001\n".into(), "a whole number from 1 to 100000000"),
         (
             format!(
                 "cases = 1\n{}whole = true\n",
@@ -180,16 +142,10 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
             ),
             "a point of the grid is 0.5, but only whole numbers are valid",
         ),
-        (
-            "cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nwhole = true\n"
-                .into(),
-            "unknown key `whole`",
-        ),
-        (
-            "cases = 1\n[[variants]]\nname = \"a b\"\n".into(),
-            "no name twice",
-        ),
-    ] {
+        ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nwhole = true\n".into(), "unknown key `whole`"),
+        ("cases = 1\n[[variants]]\nname = \"a b\"\n".into(), "no name twice"),
+    ];
+    for (text, message) in rows {
         let said = refused(&text);
         assert!(said.contains(message), "{text}\n{said}");
         assert!(said.contains("--> studies/demo.toml:"), "{said}");

@@ -113,17 +113,12 @@ fn each_analysis_receives_its_signals_and_its_fault() {
 #[test]
 fn a_shown_plan_checks_to_the_same_plan() {
     let first = plan(&TEXT.replace("end_hz = 5.0", "end_hz = 5.0\nsweep = \"logarithmic\""));
-    let (plants, laws, kinds) = (
-        descriptions::plants(),
-        descriptions::laws(),
-        descriptions::kinds(),
-    );
-    let text = hil_config::show::show(&first, &plants, &laws, &kinds).expect("described");
+    let text = descriptions::shown(&first);
     let again = plan(&text);
     assert_eq!(again.analyses, first.analyses);
     assert_eq!(again.stimuli, first.stimuli);
     assert!(text.contains("sweep = \"logarithmic\""), "{text}");
-    let linear = hil_config::show::show(&plan(TEXT), &plants, &laws, &kinds).expect("described");
+    let linear = descriptions::shown(&plan(TEXT));
     assert!(!linear.contains("sweep"), "{linear}");
     let AnalysisKind::Detection(detection) = &first.analyses[2].kind else {
         panic!("{:?}", first.analyses[2]);
@@ -133,127 +128,38 @@ fn a_shown_plan_checks_to_the_same_plan() {
 
 #[test]
 fn an_impossible_analysis_is_refused_with_its_place() {
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "kind = \"detection\"",
-            "kind = \"detecton\"",
-            "metrics[2].kind",
-            "unknown kind of metric",
-        ),
-        (
-            "signal = \"truth.position_m\"",
-            "signal = \"truth.positon_m\"",
-            "metrics[0].signal",
-            "unknown signal",
-        ),
-        (
-            "signal = \"truth.position_m\"",
-            "signal = \"max(truth.position_m)\"",
-            "metrics[0].signal",
-            "a reduction needs a window",
-        ),
+        ("kind = \"detection\"", "kind = \"detecton\"", "metrics[2].kind", "unknown kind of metric"),
+        ("signal = \"truth.position_m\"", "signal = \"truth.positon_m\"", "metrics[0].signal", "unknown signal"),
+        ("signal = \"truth.position_m\"", "signal = \"max(truth.position_m)\"", "metrics[0].signal", "a reduction needs a window"),
         (
             "signal = \"truth.position_m\"",
             "signal = \"truth.position_m\"\nstimulus = \"force_n\"",
             "metrics[0].stimulus",
             "no stimulus `force_n` of kind step",
         ),
-        (
-            "signal = \"truth.position_m\"",
-            "signal = \"truth.position_m\"\nwanted = 0.5",
-            "metrics[0]",
-            "no height",
-        ),
-        (
-            "signal = \"truth.position_m\"",
-            "signal = \"truth.position_m\"\nuntil_s = 1.0",
-            "metrics[0].until_s",
-            "is 1",
-        ),
-        (
-            "signal = \"truth.position_m\"",
-            "",
-            "metrics[0].signal",
-            "is missing",
-        ),
-        (
-            "end_hz = 5.0",
-            "end_hz = 13.0",
-            "metrics[1].stimulus",
-            "no more than 12.5 Hz",
-        ),
-        (
-            "end_hz = 5.0",
-            "end_hz = 0.5",
-            "metrics[1].stimulus",
-            "does not rise",
-        ),
-        (
-            "start_hz = 1.0",
-            "start_hz = 0\nsweep = \"logarithmic\"",
-            "stimuli[1].sweep",
-            "a logarithmic sweep from 0 to 5 Hz",
-        ),
-        (
-            "end_hz = 5.0",
-            "end_hz = 1.0\nsweep = \"logarithmic\"",
-            "stimuli[1].sweep",
-            "above 0 that differ",
-        ),
-        (
-            "end_hz = 5.0",
-            "end_hz = 5.0\nsweep = \"log\"",
-            "stimuli[1].sweep",
-            "`logarithmic`",
-        ),
+        ("signal = \"truth.position_m\"", "signal = \"truth.position_m\"\nwanted = 0.5", "metrics[0]", "no height"),
+        ("signal = \"truth.position_m\"", "signal = \"truth.position_m\"\nuntil_s = 1.0", "metrics[0].until_s", "is 1"),
+        ("signal = \"truth.position_m\"", "", "metrics[0].signal", "is missing"),
+        ("end_hz = 5.0", "end_hz = 13.0", "metrics[1].stimulus", "no more than 12.5 Hz"),
+        ("end_hz = 5.0", "end_hz = 0.5", "metrics[1].stimulus", "does not rise"),
+        ("start_hz = 1.0", "start_hz = 0\nsweep = \"logarithmic\"", "stimuli[1].sweep", "a logarithmic sweep from 0 to 5 Hz"),
+        ("end_hz = 5.0", "end_hz = 1.0\nsweep = \"logarithmic\"", "stimuli[1].sweep", "above 0 that differ"),
+        ("end_hz = 5.0", "end_hz = 5.0\nsweep = \"log\"", "stimuli[1].sweep", "`logarithmic`"),
         (
             "start_hz = 1.0\nend_hz = 5.0",
             "start_hz = 0.001\nend_hz = 1.6\nsweep = \"logarithmic\"",
             "metrics[1].stimulus",
             "less than two turns",
         ),
-        (
-            "duration_s = 4.0\n\n[[faults]]",
-            "duration_s = 4.5\n\n[[faults]]",
-            "metrics[1].stimulus",
-            "beyond the end of the run",
-        ),
-        (
-            "kind = \"chirp\"",
-            "kind = \"sine\"",
-            "stimuli[1].start_hz",
-            "unknown key",
-        ),
-        (
-            "fault = \"stuck\"",
-            "fault = \"stuk\"",
-            "metrics[2].fault",
-            "no fault event `stuk`",
-        ),
-        (
-            "fault = \"stuck\"",
-            "fault = 2",
-            "metrics[2].fault",
-            "no fault event 2",
-        ),
-        (
-            "fault = \"stuck\"",
-            "fault = 1.5",
-            "metrics[2].fault",
-            "name or number",
-        ),
-        (
-            "effect = \"truth.velocity_mps\"",
-            "effects = \"truth.velocity_mps\"",
-            "metrics[2].effects",
-            "unknown key",
-        ),
-        (
-            "name = \"found\"",
-            "name = \"move\"",
-            "metrics[2].name",
-            "already named",
-        ),
+        ("duration_s = 4.0\n\n[[faults]]", "duration_s = 4.5\n\n[[faults]]", "metrics[1].stimulus", "beyond the end of the run"),
+        ("kind = \"chirp\"", "kind = \"sine\"", "stimuli[1].start_hz", "unknown key"),
+        ("fault = \"stuck\"", "fault = \"stuk\"", "metrics[2].fault", "no fault event `stuk`"),
+        ("fault = \"stuck\"", "fault = 2", "metrics[2].fault", "no fault event 2"),
+        ("fault = \"stuck\"", "fault = 1.5", "metrics[2].fault", "name or number"),
+        ("effect = \"truth.velocity_mps\"", "effects = \"truth.velocity_mps\"", "metrics[2].effects", "unknown key"),
+        ("name = \"found\"", "name = \"move\"", "metrics[2].name", "already named"),
     ];
     for (right, wrong, key, message) in cases {
         assert!(TEXT.contains(right), "{right}");

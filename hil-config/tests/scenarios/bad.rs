@@ -5,13 +5,14 @@ use std::collections::BTreeSet;
 use hil_config::problem::{Problem, ProblemKind, Problems};
 use hil_config::scenario::Scenario;
 
-use crate::{BASE, base_with, check, descriptions, parse, problems};
+use crate::descriptions::{self, Checked};
+use crate::{BASE, base_with, check, only, parse, problems};
 
 /// Marks the expected place in the text of a case; removed before parsing.
 const MARK: char = '^';
 
 /// Text of the base, its replacement, and the expected problem: its kind and pieces of its text.
-type Case = (
+pub(crate) type Case = (
     &'static str,
     &'static str,
     ProblemKind,
@@ -250,13 +251,7 @@ fn an_empty_scenario_lacks_its_sections_and_nothing_else() {
 fn a_name_that_cannot_come_from_the_file_is_required() {
     let text = BASE.replace("name = \"base\"\n", "");
     let scenario = Scenario::parse(&text, "folder/my run.toml").expect("TOML");
-    let problems = scenario
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
-        .expect_err("no name");
+    let problems = scenario.checked().expect_err("no name");
     assert_found(&problems.0[0], OutOfRange, &["`my run` cannot replace it"]);
 }
 
@@ -268,10 +263,9 @@ run = {duration_s = 1, rate_hz = 100}
 plant.model = \"spring-mass\"
 controller.law = \"ftsc\"
 ";
-    let reported = problems(text);
-    assert_eq!(reported.len(), 1, "{reported:?}");
+    let problem = only(problems(text));
     assert_found(
-        &reported[0],
+        &problem,
         Mismatch,
         &[
             "law `ftsc` is not made for plant `spring-mass`",
@@ -280,7 +274,7 @@ controller.law = \"ftsc\"
         ],
     );
     assert_eq!(
-        reported[0].excerpt.as_ref().map(|at| (at.line, at.column)),
+        problem.excerpt.as_ref().map(|at| (at.line, at.column)),
         Some((5, 18))
     );
 }
@@ -296,14 +290,7 @@ fn unbound_signals_are_named_with_unit_and_remedy() {
     let scenario = parse(&text)
         .expect("TOML")
         .set(&["controller.model.surface.inertia_kg_m2=1"]);
-    let problems = scenario
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
-        .expect_err("unbound")
-        .0;
+    let problems = scenario.checked().expect_err("unbound").0;
     assert_eq!(problems.len(), 4, "{problems:?}");
     let expected: [&[&str]; 4] = [
         &[
@@ -332,10 +319,9 @@ fn a_waveform_without_the_derivatives_that_a_law_needs_is_refused() {
         "kind = \"sine\"\namplitude = 0.1\nfrequency_hz = 1.0",
         "kind = \"step\"\nafter = 0.1",
     );
-    let reported = problems(&text);
-    assert_eq!(reported.len(), 1, "{reported:?}");
+    let problem = only(problems(&text));
     assert_found(
-        &reported[0],
+        &problem,
         Unbound,
         &[
             "`surface_angle_d1_radps` in rad/s",
@@ -377,7 +363,7 @@ fn a_nominal_value_outside_the_laws_range_is_refused() {
 }
 
 #[test]
-fn a_plant_without_faults_says_so() {
+fn a_plant_without_faults_reports_that_it_has_none() {
     let text = "
 schema = 1
 run = {duration_s = 1, rate_hz = 100}

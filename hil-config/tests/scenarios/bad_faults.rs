@@ -3,7 +3,7 @@
 use hil_config::problem::ProblemKind;
 
 use crate::bad::{assert_found, assert_one_problem};
-use crate::{base_with_faults, problems};
+use crate::{base_with_faults, only, problems};
 
 use ProblemKind::{
     Duplicate, Expression, Mismatch, MissingKey, OutOfRange, UnknownKey, UnknownName, Unreadable,
@@ -269,15 +269,14 @@ fn effects_that_leave_a_range_together_are_refused() {
     };
     // In the order of time, not of the file: the first to leave the range is the event at 1 s.
     let text = base_with_faults(&[leak(1.0, 6e-4, ""), leak(0.5, 7e-4, "")].concat());
-    let reported = problems(&text);
-    assert_eq!(reported.len(), 1, "{reported:?}");
-    assert_eq!(reported[0].key, "faults[0].effects[0]");
+    let problem = only(problems(&text));
+    assert_eq!(problem.key, "faults[0].effects[0]");
     let pieces = [
         "`actuator1.leakage_coefficient_m3ps_per_sqrt_pa` would become 0.0007 + 0.0006 = 0.0013",
         "with the effects before it",
         "from 0 to 0.001",
     ];
-    assert_found(&reported[0], OutOfRange, &pieces);
+    assert_found(&problem, OutOfRange, &pieces);
     // An effect that ends may be over before the other begins.
     let apart = [leak(1.0, 6e-4, ""), leak(0.5, 7e-4, "duration_s = 0.5")].concat();
     assert!(crate::check(&base_with_faults(&apart)).is_ok());

@@ -1,21 +1,13 @@
 //! Faulty plots, each refused with the problem, its place and the expected value.
 
 use hil_config::problem::ProblemKind::{
-    self, MissingKey, OutOfRange, UnknownKey, UnknownName, WrongType,
+    MissingKey, OutOfRange, UnknownKey, UnknownName, WrongType,
 };
 
-use crate::bad::assert_one_problem;
+use crate::bad::{Case, assert_one_problem};
 use crate::{base_with, plan};
 
 const SIGNALS: &str = "signals = [\"truth.surface_angle_rad\"]";
-
-/// Text of the base, its replacement, and the expected problem.
-type Case = (
-    &'static str,
-    &'static str,
-    ProblemKind,
-    &'static [&'static str],
-);
 
 #[rustfmt::skip] // a table reads best with a case on a line
 const CASES: &[Case] = &[

@@ -156,12 +156,10 @@ fn a_formula_that_would_keep_millions_of_numbers_is_refused() {
 #[test]
 fn each_comparison_is_listed_with_the_time_at_which_it_may_count() {
     // In a run of 20 s.
-    for (formula, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("a < 1", vec![("a", "<", Some(1.0), [0.0, 0.0])]),
-        (
-            "always(abs(a) <= 2 * 3)",
-            vec![("a", "<=", Some(6.0), [0.0, 20.0])],
-        ),
+        ("always(abs(a) <= 2 * 3)", vec![("a", "<=", Some(6.0), [0.0, 20.0])]),
         (
             "always[7s,8s](abs(a) < 1) and not always[15s,20s](b > -1)",
             vec![
@@ -169,10 +167,7 @@ fn each_comparison_is_listed_with_the_time_at_which_it_may_count() {
                 ("b", ">", Some(-1.0), [15.0, 20.0]),
             ],
         ),
-        (
-            "eventually[7s,15s] always[0s,5s](a < 150)",
-            vec![("a", "<", Some(150.0), [7.0, 20.0])],
-        ),
+        ("eventually[7s,15s] always[0s,5s](a < 150)", vec![("a", "<", Some(150.0), [7.0, 20.0])]),
         (
             "always[1s,2s](rise(a > 0) implies eventually[0s,500ms](b > c))",
             vec![
@@ -180,18 +175,10 @@ fn each_comparison_is_listed_with_the_time_at_which_it_may_count() {
                 ("b", ">", None, [1.0, 2.5]),
             ],
         ),
-        (
-            "always[4s,5s](once[1s,2s](a > 0))",
-            vec![("a", ">", Some(0.0), [2.0, 4.0])],
-        ),
-        (
-            "a < 1 until[1s,3s] b > 2",
-            vec![
-                ("a", "<", Some(1.0), [0.0, 3.0]),
-                ("b", ">", Some(2.0), [1.0, 3.0]),
-            ],
-        ),
-    ] {
+        ("always[4s,5s](once[1s,2s](a > 0))", vec![("a", ">", Some(0.0), [2.0, 4.0])]),
+        ("a < 1 until[1s,3s] b > 2", vec![("a", "<", Some(1.0), [0.0, 3.0]), ("b", ">", Some(2.0), [1.0, 3.0])]),
+    ];
+    for (formula, expected) in cases {
         let read = Formula::parse(formula).expect(formula);
         let actual: Vec<_> = (read.comparisons(20.0).into_iter())
             .map(|one| {

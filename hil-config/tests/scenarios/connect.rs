@@ -8,8 +8,8 @@ use shared_types::describe::{LawDescription, PlantDescription};
 use shared_types::layout::SignalKind;
 use shared_types::table::Field;
 
-use crate::bad::assert_found;
-use crate::descriptions;
+use crate::bad::{Case, assert_found};
+use crate::{descriptions, only};
 
 use ProblemKind::{Duplicate, Mismatch, MissingKey, OutOfRange, Unbound, UnknownKey, UnknownName};
 
@@ -185,14 +185,6 @@ fn a_sensor_may_be_read_under_two_names() {
     );
 }
 
-/// Text of the scenario, its replacement, and the expected problem.
-type Case = (
-    &'static str,
-    &'static str,
-    ProblemKind,
-    &'static [&'static str],
-);
-
 #[rustfmt::skip] // a table reads best with a case on a line
 const CASES: &[Case] = &[
     ("made_for = \"spring-mass\"\n", "", Mismatch, &["law `pid` is not made for plant `slider`", "made for `drhas`", "`made_for`"]),
@@ -220,9 +212,8 @@ fn each_faulty_connection_is_refused_with_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_eq!(TEXT.matches(from).count(), 1, "`{from}` stands once");
         let text = TEXT.replacen(from, to, 1);
-        let reported = problems(&text);
-        assert_eq!(reported.len(), 1, "{text}\n{reported:?}");
-        assert_found(&reported[0], *kind, pieces);
+        let problem = only(problems(&text));
+        assert_found(&problem, *kind, pieces);
     }
 }
 

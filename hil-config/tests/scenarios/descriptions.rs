@@ -1,6 +1,10 @@
 //! Descriptions as binaries would give them, written by hand: a part of the hydraulic plant, the teaching plant and
 //! laws for both.
 
+use hil_config::plan::Plan;
+use hil_config::problem::Problems;
+use hil_config::scenario::Scenario;
+use hil_config::show::show;
 use shared_types::describe::{
     ActsOn, FaultDescription, FaultKindDescription, LawDescription, ListDescription, MoveBy,
     Operation, ParameterMove, PlantDescription, ProfileDescription,
@@ -294,4 +298,20 @@ pub(crate) fn laws() -> Vec<LawDescription> {
         law("hold", &[]),
         strange,
     ]
+}
+
+/// Check of a scenario against these descriptions.
+pub(crate) trait Checked {
+    fn checked(&self) -> Result<Plan, Problems>;
+}
+
+impl Checked for Scenario {
+    fn checked(&self) -> Result<Plan, Problems> {
+        self.check(&plants(), &laws(), &kinds())
+    }
+}
+
+/// Shows a plan of these plants and laws as a scenario.
+pub(crate) fn shown(plan: &Plan) -> String {
+    show(plan, &plants(), &laws(), &kinds()).expect("described")
 }

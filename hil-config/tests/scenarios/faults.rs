@@ -9,7 +9,8 @@ use hil_config::scenario::Scenario;
 use shared_types::describe::{Operation, Settings};
 use shared_types::time::Step;
 
-use crate::{base_with_faults, descriptions, plan};
+use crate::descriptions::{self, Checked};
+use crate::{base_with_faults, only, plan};
 
 pub(crate) const EFFECT: &str =
     "effects = [{ target = \"measured.surface_angle_rad\", bias = 0.1 }]";
@@ -239,8 +240,7 @@ fn a_fault_without_a_selector_acts_on_the_plant() {
     }];
     let sizes = settings(&[("change_n_per_m", -40.0)]);
     assert_eq!(effect.action, FaultAction::Move { sizes, moves });
-    let reported = crate::problems(&softening("-101"));
-    let text = reported[0].to_string();
+    let text = only(crate::problems(&softening("-101"))).to_string();
     assert!(
         text.contains("`stiffness_n_per_m` would become 100 + -101 = -1"),
         "{text}"
@@ -266,28 +266,14 @@ fn a_fault_on_parameters_that_are_not_faultable_is_refused() {
 #[test]
 fn a_profile_replaces_that_of_the_plants_fault() {
     let leak = "actuator = 1\ncoefficient_m3ps_per_sqrt_pa = 1e-7\n";
-    for (keys, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("speed_per_s = 3", Profile::Exponential { speed_per_s: 3.0 }),
         ("profile = { kind = \"step\" }", Profile::Step),
-        (
-            "profile = { kind = \"ramp\", duration_s = 2 }",
-            Profile::Ramp { duration_s: 2.0 },
-        ),
-        (
-            "profile = { kind = \"exponential\", speed_per_s = 4 }",
-            Profile::Exponential { speed_per_s: 4.0 },
-        ),
-        (
-            "profile = { kind = \"pulse\", duration_s = 0.5 }",
-            Profile::Pulse { duration_s: 0.5 },
-        ),
-        (
-            "profile = { kind = \"intermittent\", period_s = 0.5, duty = 0.25 }",
-            Profile::Intermittent {
-                period_s: 0.5,
-                duty: 0.25,
-            },
-        ),
+        ("profile = { kind = \"ramp\", duration_s = 2 }", Profile::Ramp { duration_s: 2.0 }),
+        ("profile = { kind = \"exponential\", speed_per_s = 4 }", Profile::Exponential { speed_per_s: 4.0 }),
+        ("profile = { kind = \"pulse\", duration_s = 0.5 }", Profile::Pulse { duration_s: 0.5 }),
+        ("profile = { kind = \"intermittent\", period_s = 0.5, duty = 0.25 }", Profile::Intermittent { period_s: 0.5, duty: 0.25 }),
         (
             "profile = { kind = \"table\", time_s = [0, 1], values = [0, 1] }",
             Profile::Table {
@@ -295,7 +281,8 @@ fn a_profile_replaces_that_of_the_plants_fault() {
                 values: vec![0.0, 1.0],
             },
         ),
-    ] {
+    ];
+    for (keys, expected) in cases {
         assert_eq!(
             effect("leakage", &format!("{leak}{keys}")).profile,
             expected
@@ -339,11 +326,7 @@ fn numbers_can_come_from_a_file_beside_the_scenario() {
         );
         fs::write(&path, base_with_faults(&text)).expect("a file");
         let scenario = Scenario::read(&path).expect("TOML");
-        let plan = scenario.check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        );
+        let plan = scenario.checked();
         plan.map(|mut plan| plan.faults.remove(0).effects.remove(0))
             .map_err(|problems| problems.to_string())
     };

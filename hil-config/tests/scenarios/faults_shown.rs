@@ -1,7 +1,7 @@
 //! Shown faults keep their meaning.
 
 use hil_config::plan::{FaultEvent, FaultSource, Plan, Trigger};
-use hil_config::show::{ShowError, fault_toml, show};
+use hil_config::show::{ShowError, fault_toml};
 use proptest::prelude::*;
 use shared_types::time::Rate;
 
@@ -220,13 +220,7 @@ proptest! {
             Err(problems) => panic!("{problems}\n{text}"),
         };
         prop_assert_eq!(expected.faults[1].source, FaultSource::Scenario);
-        let shown_text = show(
-            &expected,
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
-        .expect("described");
+        let shown_text = descriptions::shown(&expected);
         prop_assert_eq!(plan(&shown_text), expected, "{}", shown_text);
     }
 }

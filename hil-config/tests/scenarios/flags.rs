@@ -2,17 +2,15 @@
 
 use hil_config::problem::{Problem, ProblemKind};
 
-use crate::{BASE, descriptions, parse, plan};
+use crate::bad::assert_found;
+use crate::descriptions::Checked;
+use crate::{BASE, only, parse, plan};
 
 fn with(flags: &[&str]) -> Result<hil_config::plan::Plan, Vec<Problem>> {
     parse(BASE)
         .expect("TOML")
         .set(flags)
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
+        .checked()
         .map_err(|problems| problems.0)
 }
 
@@ -69,11 +67,7 @@ fn a_flag_overrides_a_value_under_a_quoted_key() {
         "\"actuator2.piston_mass_kg\" = 60.0\nactuator1.piston_mass_kg = 61.0",
     ] {
         let text = crate::base_with("actuator2.piston_mass_kg = 60.0", quoted);
-        let checked = parse(&text).expect("TOML").set(&[flag]).check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        );
+        let checked = parse(&text).expect("TOML").set(&[flag]).checked();
         let plan = checked.unwrap_or_else(|problems| panic!("{problems}"));
         let mass_kg = plan.plant.parameters.get("actuator2.piston_mass_kg");
         assert_eq!(mass_kg, Some(70.0));
@@ -136,98 +130,31 @@ fn a_flag_may_change_a_part_of_what_an_earlier_one_set() {
 
 #[test]
 fn a_faulty_flag_is_reported_with_the_column_of_the_mistake() {
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "run.rate_hz=0",
-            13,
-            ProblemKind::OutOfRange,
-            "`run.rate_hz` is 0",
-        ),
-        (
-            "run.rate_hz=fast",
-            13,
-            ProblemKind::WrongType,
-            "`run.rate_hz` is text",
-        ),
-        (
-            "run.rat_hz=1",
-            5,
-            ProblemKind::UnknownKey,
-            "unknown key `rat_hz`",
-        ),
-        (
-            "rum.rate_hz=1",
-            1,
-            ProblemKind::UnknownKey,
-            "unknown key `rum`",
-        ),
+        ("run.rate_hz=0", 13, ProblemKind::OutOfRange, "`run.rate_hz` is 0"),
+        ("run.rate_hz=fast", 13, ProblemKind::WrongType, "`run.rate_hz` is text"),
+        ("run.rat_hz=1", 5, ProblemKind::UnknownKey, "unknown key `rat_hz`"),
+        ("rum.rate_hz=1", 1, ProblemKind::UnknownKey, "unknown key `rum`"),
         ("run.rate_hz", 1, ProblemKind::Syntax, "found no `=`"),
         ("run.rate_hz=", 13, ProblemKind::Syntax, "no value"),
         ("run..rate_hz=1", 5, ProblemKind::Syntax, "is not a key"),
-        (
-            "faults[1].at_s=1",
-            7,
-            ProblemKind::Syntax,
-            "has 1 entries, counted from 0; there is no [1]",
-        ),
-        (
-            "faults[x].at_s=1",
-            7,
-            ProblemKind::Syntax,
-            "is not an index",
-        ),
-        (
-            "faults.at_s=1",
-            8,
-            ProblemKind::Syntax,
-            "`faults` is a list, not a table",
-        ),
-        (
-            "run[0]=1",
-            4,
-            ProblemKind::Syntax,
-            "`run` is a table, not a list",
-        ),
-        (
-            "run.seed.x=1",
-            10,
-            ProblemKind::Syntax,
-            "`seed` is a number, not a table",
-        ),
-        (
-            "runs[0]=1",
-            5,
-            ProblemKind::Syntax,
-            "there is no list `runs`",
-        ),
-        (
-            "metrics[0].windows_s=[[0, 1], [1, 9]]",
-            31,
-            ProblemKind::OutOfRange,
-            "not inside the run",
-        ),
-        (
-            "metrics[0].expression=max_abs(eror_rad)",
-            31,
-            ProblemKind::Expression,
-            "column 9 of the expression",
-        ),
-        (
-            "plant.parameters.piston_mass_kg=-1",
-            33,
-            ProblemKind::OutOfRange,
-            "in kg",
-        ),
+        ("faults[1].at_s=1", 7, ProblemKind::Syntax, "has 1 entries, counted from 0; there is no [1]"),
+        ("faults[x].at_s=1", 7, ProblemKind::Syntax, "is not an index"),
+        ("faults.at_s=1", 8, ProblemKind::Syntax, "`faults` is a list, not a table"),
+        ("run[0]=1", 4, ProblemKind::Syntax, "`run` is a table, not a list"),
+        ("run.seed.x=1", 10, ProblemKind::Syntax, "`seed` is a number, not a table"),
+        ("runs[0]=1", 5, ProblemKind::Syntax, "there is no list `runs`"),
+        ("metrics[0].windows_s=[[0, 1], [1, 9]]", 31, ProblemKind::OutOfRange, "not inside the run"),
+        ("metrics[0].expression=max_abs(eror_rad)", 31, ProblemKind::Expression, "column 9 of the expression"),
+        ("plant.parameters.piston_mass_kg=-1", 33, ProblemKind::OutOfRange, "in kg"),
     ];
     for (flag, column, kind, piece) in cases {
-        let problems = with(&[flag]).expect_err(flag);
-        assert_eq!(problems.len(), 1, "{flag}: {problems:?}");
-        let text = problems[0].to_string();
-        assert_eq!(problems[0].kind, kind, "{text}");
-        assert_eq!(problems[0].source, format!("--set {flag}"));
-        let excerpt = problems[0].excerpt.as_ref().expect("a place");
-        assert_eq!((excerpt.line, excerpt.column), (1, column), "{text}");
-        assert!(text.contains(piece), "`{piece}` is not in\n{text}");
+        let problem = only(with(&[flag]).expect_err(flag));
+        assert_found(&problem, kind, &[piece]);
+        assert_eq!(problem.source, format!("--set {flag}"));
+        let excerpt = problem.excerpt.as_ref().expect("a place");
+        assert_eq!((excerpt.line, excerpt.column), (1, column), "{problem}");
     }
 }
 
@@ -276,11 +203,7 @@ fn faulty_flags_and_a_faulty_file_are_reported_together() {
     let problems = parse(&text)
         .expect("TOML")
         .set(&["a", "run.rate_hz=0", "b[0]=1"])
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
+        .checked()
         .expect_err("all wrong");
     assert_eq!(problems.0.len(), 4, "{problems}");
 }

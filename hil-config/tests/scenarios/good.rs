@@ -10,7 +10,8 @@ use shared_types::describe::{Operation, Settings};
 use shared_types::time::{Rate, Step};
 use shared_types::wait::WaitStrategy;
 
-use crate::{BASE, base_with, check, descriptions, parse, plan};
+use crate::descriptions::{self, Checked};
+use crate::{BASE, base_with, check, parse, plan};
 
 fn rate(hz: f64) -> Rate {
     Rate::new(hz).expect("a rate")
@@ -365,38 +366,24 @@ proptest! {
         ]),
     ) {
         let scenario = parse(BASE).expect("TOML").set(&[format!("{key}={value}")]);
-        let _ = scenario.check(&descriptions::plants(), &descriptions::laws(), &descriptions::kinds());
+        let _ = scenario.checked();
     }
 }
 
 #[test]
 fn a_metric_has_the_unit_of_its_expression_and_an_integral_that_of_the_area() {
     let added = |metrics: &str| plan(&format!("{BASE}\n{metrics}")).metrics;
-    for (name, expression, unit) in [
-        (
-            "area_rad",
-            "integral(abs(truth.surface_angle_rad))",
-            "rad s",
-        ),
-        (
-            "leaked",
-            "integral(truth.actuator1_leakage_flow_m3ps)",
-            "m3",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("area_rad", "integral(abs(truth.surface_angle_rad))", "rad s"),
+        ("leaked", "integral(truth.actuator1_leakage_flow_m3ps)", "m3"),
         ("worst", "max_abs(truth.surface_angle_rad)", "rad"),
-        (
-            "both",
-            "integral(truth.actuator1_leakage_flow_m3ps) + integral(truth.actuator2_leakage_flow_m3ps)",
-            "m3",
-        ),
+        ("both", "integral(truth.actuator1_leakage_flow_m3ps) + integral(truth.actuator2_leakage_flow_m3ps)", "m3"),
         // For products and mixtures the signals' names determine no unit, only the metric's own.
         ("power_n", "2 * max_abs(truth.surface_angle_rad)", "N"),
-        (
-            "odd_s",
-            "max(truth.surface_angle_rad) + integral(truth.surface_angle_rad)",
-            "s",
-        ),
-    ] {
+        ("odd_s", "max(truth.surface_angle_rad) + integral(truth.surface_angle_rad)", "s"),
+    ];
+    for (name, expression, unit) in cases {
         let text = format!("[[metrics]]\nname = \"{name}\"\nexpression = \"{expression}\"\n");
         let metrics = added(&text);
         assert_eq!(

@@ -8,7 +8,8 @@ use hil_config::plan::Plan;
 use hil_config::problem::Problems;
 use rustix::time::{ClockId, clock_gettime};
 
-use crate::{BASE, base_with, base_with_faults, descriptions, parse};
+use crate::descriptions::{self, Checked};
+use crate::{BASE, base_with, base_with_faults, parse};
 
 /// Parts of the smaller scenario.
 const FEW: usize = 500;
@@ -25,9 +26,7 @@ fn spent() -> Duration {
 }
 
 fn check(text: &str, flags: &[String]) -> Result<Plan, Problems> {
-    let (plants, laws) = (descriptions::plants(), descriptions::laws());
-    let scenario = parse(text)?.set(flags);
-    scenario.check(&plants, &laws, &descriptions::kinds())
+    parse(text)?.set(flags).checked()
 }
 
 /// Checks a scenario and prepares its evaluation; returns the time taken.

@@ -4,9 +4,9 @@ use hil_config::plan::{Instrument, Plan};
 use hil_config::problem::ProblemKind::{
     self, Duplicate, Mismatch, MissingKey, OutOfRange, UnknownKey, UnknownName, WrongType,
 };
-use hil_config::show::show;
 
-use crate::{BASE, descriptions, plan, problems};
+use crate::bad::assert_found;
+use crate::{BASE, descriptions, only, plan, problems};
 
 const ANGLE: &str = "surface_angle_rad";
 const PISTON: &str = "actuator1_position_m";
@@ -52,7 +52,7 @@ fn values_count_in_the_unit_of_the_signal() {
 }
 
 #[test]
-fn the_stages_stand_in_the_order_of_the_hardware() {
+fn the_stages_have_the_order_of_the_hardware() {
     let text = with(&format!(
         "[[sensors]]\nsignal = \"{ANGLE}\"\nrange = [-2, 2]\nbits = 16\ndelay_s = 0.004\nrate_hz = 250\nnoise_sigma = 1e-3\nlag_hz = 100\nnoise_density = \"1 mrad/sqrt(Hz)\"\nbias_walk = 1e-6\nbias_sigma = \"1 mrad\"\nbias_tau_s = 100\nbias = 1e-4\ncross = {{ {PISTON} = 0.01 }}\nscale = 1.001\n[[actuators]]\nsignal = \"{CURRENT}\"\nrate_hz = 500\nresolution = 1e-6\nrange = [-0.01, 0.01]\nbacklash = 1e-5\ndead_band = 1e-5\nlag_hz = 100\nlag_damping = 0.7\nrate_limit_per_s = \"200 mA/ms\"\ndead_time_s = 0.003"
     ));
@@ -108,12 +108,7 @@ fn instruments_are_shown_as_they_are_read() {
         "[[sensors]]\nsignal = \"{ANGLE}\"\nrange = [-0.5, 0.5]\nbits = 12\nrate_hz = 500\nphase_steps = 1\nnoise_sigma = \"2 LSB\"\ncross = {{ {PISTON} = -0.25 }}\n[[actuators]]\nsignal = \"{CURRENT}\"\ndead_time_s = 0.003\nresolution = 1e-6"
     ));
     let expected = plan(&text);
-    let (plants, laws, kinds) = (
-        descriptions::plants(),
-        descriptions::laws(),
-        descriptions::kinds(),
-    );
-    let shown = show(&expected, &plants, &laws, &kinds).expect("described");
+    let shown = descriptions::shown(&expected);
     assert_eq!(plan(&shown), expected, "{shown}");
 }
 
@@ -158,24 +153,11 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
 ];
 
 #[test]
-fn what_cannot_be_is_refused_with_its_place_and_what_is_possible() {
+fn an_impossible_instrument_is_refused_with_its_place_and_the_alternatives() {
     for (keys, kind, key, fragments) in REFUSED {
-        let found = problems(&sensor(keys));
-        let [problem] = &found[..] else {
-            panic!("{keys}: {found:#?}");
-        };
-        assert_eq!(
-            (problem.kind, problem.key.as_str()),
-            (*kind, *key),
-            "{keys}: {problem}"
-        );
-        let text = problem.to_string();
-        for fragment in *fragments {
-            assert!(
-                text.contains(fragment),
-                "{keys}: no `{fragment}` in\n{text}"
-            );
-        }
+        let problem = only(problems(&sensor(keys)));
+        assert_eq!(problem.key, *key, "{keys}: {problem}");
+        assert_found(&problem, *kind, fragments);
         let excerpt = problem.excerpt.as_ref().unwrap_or_else(|| panic!("{keys}"));
         assert!(excerpt.line > BASE.lines().count(), "{keys}");
     }

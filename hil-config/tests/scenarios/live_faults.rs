@@ -8,7 +8,7 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use crate::bad::assert_found;
-use crate::{BASE, descriptions, plan};
+use crate::{BASE, descriptions, only, plan};
 
 const BIAS: &str = "effects = [{ target = \"measured.surface_angle_rad\", bias = 0.1 }]";
 
@@ -47,9 +47,10 @@ fn an_event_without_a_trigger_takes_effect_at_once() {
     let actual: Vec<(u32, &Trigger)> = events.iter().map(|e| (e.id, &e.trigger)).collect();
     assert_eq!(actual, [(3, &Trigger::Now), (4, &Trigger::Now)]);
     // With this delay it is over in any case.
-    let late = refused(&text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"));
-    assert_eq!(late.len(), 1, "{late:?}");
-    assert_found(&late[0], ProblemKind::OutOfRange, &["the run is over"]);
+    let problem = only(refused(
+        &text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"),
+    ));
+    assert_found(&problem, ProblemKind::OutOfRange, &["the run is over"]);
 }
 
 #[test]
@@ -102,10 +103,9 @@ fn new_events_may_wait_for_each_other() {
         (&events[0].trigger, &events[1].trigger),
         (&after(4), &after(1))
     );
-    let circular = refused(&text.replace("\"leak\"", "3"));
-    assert_eq!(circular.len(), 1, "{circular:?}");
+    let problem = only(refused(&text.replace("\"leak\"", "3")));
     assert_found(
-        &circular[0],
+        &problem,
         ProblemKind::Mismatch,
         &["event 3, `b` wait for each other"],
     );
@@ -114,46 +114,16 @@ fn new_events_may_wait_for_each_other() {
 #[test]
 fn each_faulty_request_is_refused_with_the_expected_value() {
     let one = |keys: &str| format!("[[faults]]\nkind = \"bias\"\n{keys}\n{BIAS}");
-    for (text, kind, pieces) in [
-        (
-            String::new(),
-            ProblemKind::MissingKey,
-            &["`faults` is missing"][..],
-        ),
-        (
-            "faults = []".into(),
-            ProblemKind::MissingKey,
-            &["`faults` is missing", "at least one fault event"],
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (String::new(), ProblemKind::MissingKey, &["`faults` is missing"][..]),
+        ("faults = []".into(), ProblemKind::MissingKey, &["`faults` is missing", "at least one fault event"]),
         ("[[faults]".into(), ProblemKind::Syntax, &["not TOML"]),
-        (
-            format!("schema = 1\n{}", one("")),
-            ProblemKind::UnknownKey,
-            &["unknown key `schema`", "one of `faults`"],
-        ),
-        (
-            one("name = \"leak\""),
-            ProblemKind::Duplicate,
-            &["already named `leak`"],
-        ),
-        (
-            one("after = 4"),
-            ProblemKind::UnknownName,
-            &[
-                "there is no fault event 4",
-                "one of `leak`, or a number from 1 to 3",
-            ],
-        ),
-        (
-            one("after = \"leek\""),
-            ProblemKind::UnknownName,
-            &["nearest: `leak`"],
-        ),
-        (
-            one("at_s = 2"),
-            ProblemKind::OutOfRange,
-            &["at 2 s the run is over"],
-        ),
+        (format!("schema = 1\n{}", one("")), ProblemKind::UnknownKey, &["unknown key `schema`", "one of `faults`"]),
+        (one("name = \"leak\""), ProblemKind::Duplicate, &["already named `leak`"]),
+        (one("after = 4"), ProblemKind::UnknownName, &["there is no fault event 4", "one of `leak`, or a number from 1 to 3"]),
+        (one("after = \"leek\""), ProblemKind::UnknownName, &["nearest: `leak`"]),
+        (one("at_s = 2"), ProblemKind::OutOfRange, &["at 2 s the run is over"]),
         (
             one("").replace(
                 "0.1 }",
@@ -169,11 +139,11 @@ fn each_faulty_request_is_refused_with_the_expected_value() {
             ProblemKind::Unreadable,
             &["a running plant reads no files", "the numbers themselves"],
         ),
-    ] {
-        let problems = refused(&text);
-        assert_eq!(problems.len(), 1, "{text}\n{problems:?}");
-        assert_found(&problems[0], kind, pieces);
-        assert_eq!(problems[0].source, "request");
+    ];
+    for (text, kind, pieces) in cases {
+        let problem = only(refused(&text));
+        assert_found(&problem, kind, pieces);
+        assert_eq!(problem.source, "request");
     }
 }
 

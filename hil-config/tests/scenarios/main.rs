@@ -32,6 +32,8 @@ use hil_config::plan::Plan;
 use hil_config::problem::{Problem, Problems};
 use hil_config::scenario::Scenario;
 
+use descriptions::Checked;
+
 /// Valid scenario that uses every part of the format.
 const BASE: &str = r#"schema = 1
 name = "base"
@@ -152,11 +154,7 @@ fn parse(text: &str) -> Result<Scenario, Problems> {
 }
 
 fn check(text: &str) -> Result<Plan, Problems> {
-    parse(text)?.check(
-        &descriptions::plants(),
-        &descriptions::laws(),
-        &descriptions::kinds(),
-    )
+    parse(text)?.checked()
 }
 
 /// Returns the plan of a valid text.
@@ -172,11 +170,24 @@ fn problems(text: &str) -> Vec<Problem> {
     }
 }
 
+/// Returns the one problem of a list.
+#[track_caller]
+fn only(problems: Vec<Problem>) -> Problem {
+    let [problem] = <[Problem; 1]>::try_from(problems).expect("one problem");
+    problem
+}
+
 /// Returns the base with other faults.
 fn base_with_faults(faults: &str) -> String {
     let begin = BASE.find("[[faults]]").expect("faults");
     let end = BASE.find("[[derived]]").expect("what follows them");
     format!("{}{faults}\n{}", &BASE[..begin], &BASE[end..])
+}
+
+/// Returns the base with another second stimulus.
+fn with_stimulus(keys: &str) -> String {
+    let step = "kind = \"step\"\nat_s = 0.5\nafter = 2.0";
+    base_with(step, keys)
 }
 
 /// Returns the base with one piece of text replaced.

@@ -218,42 +218,20 @@ fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
 fn operators_bind_according_to_the_grammar() {
     let [a, b, c] = ["truth.a < 1", "truth.b < 1", "command.c < 1"];
     let mut draws = Draws(7);
-    for (bare, grouped) in [
-        (
-            format!("{a} and {b} or {c}"),
-            format!("(({a}) and ({b})) or ({c})"),
-        ),
-        (
-            format!("{a} or {b} and {c}"),
-            format!("({a}) or (({b}) and ({c}))"),
-        ),
-        (
-            format!("{a} or {b} implies {c}"),
-            format!("(({a}) or ({b})) implies ({c})"),
-        ),
-        (
-            format!("{a} implies {b} implies {c}"),
-            format!("({a}) implies (({b}) implies ({c}))"),
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (format!("{a} and {b} or {c}"), format!("(({a}) and ({b})) or ({c})")),
+        (format!("{a} or {b} and {c}"), format!("({a}) or (({b}) and ({c}))")),
+        (format!("{a} or {b} implies {c}"), format!("(({a}) or ({b})) implies ({c})")),
+        (format!("{a} implies {b} implies {c}"), format!("({a}) implies (({b}) implies ({c}))")),
         (format!("not {a} and {b}"), format!("(not ({a})) and ({b})")),
-        (
-            format!("not {a} until[0,0.3] {b} and {c}"),
-            format!("((not ({a})) until[0,0.3] ({b})) and ({c})"),
-        ),
-        (
-            format!("eventually[0,0.3] {a} and {b}"),
-            format!("(eventually[0,0.3] ({a})) and ({b})"),
-        ),
-        (
-            format!("always[0,0.2] once[0,0.1] {a}"),
-            format!("always[0,0.2] (once[0,0.1] ({a}))"),
-        ),
-        (
-            "(truth.a + 1) * 2 < (truth.b)".into(),
-            "((truth.a + 1) * 2) < truth.b".into(),
-        ),
+        (format!("not {a} until[0,0.3] {b} and {c}"), format!("((not ({a})) until[0,0.3] ({b})) and ({c})")),
+        (format!("eventually[0,0.3] {a} and {b}"), format!("(eventually[0,0.3] ({a})) and ({b})")),
+        (format!("always[0,0.2] once[0,0.1] {a}"), format!("always[0,0.2] (once[0,0.1] ({a}))")),
+        ("(truth.a + 1) * 2 < (truth.b)".into(), "((truth.a + 1) * 2) < truth.b".into()),
         ("always(truth.a) < 1".into(), "always((truth.a) < 1)".into()),
-    ] {
+    ];
+    for (bare, grouped) in cases {
         for _ in 0..200 {
             let trace = random_trace(&mut draws);
             let judged = [&bare, &grouped].map(|text| {
@@ -301,45 +279,14 @@ fn bounds_of_a_robustness_close_as_rows_come() {
     const NO: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
     let up = f64::INFINITY;
     let a = [0.0, 1.0, 3.0, 2.0, 5.0, 4.0];
-    for (text, expected) in [
-        (
-            "always[0.1s,0.4s](truth.a < 6)",
-            [NO, [-up, 5.0], [-up, 3.0], [-up, 3.0], [1.0; 2], [1.0; 2]],
-        ),
-        (
-            "eventually[0s,0.4s](truth.a > 2)",
-            [
-                [-2.0, up],
-                [-1.0, up],
-                [1.0, up],
-                [1.0, up],
-                [3.0; 2],
-                [3.0; 2],
-            ],
-        ),
-        (
-            "truth.a < 4 until[0s,0.4s] truth.a > 2",
-            [
-                [-2.0, 4.0],
-                [-1.0, 3.0],
-                [1.0; 2],
-                [1.0; 2],
-                [1.0; 2],
-                [1.0; 2],
-            ],
-        ),
-        (
-            "always(truth.a < 6) or truth.a > 7",
-            [
-                [-7.0, 6.0],
-                [-7.0, 5.0],
-                [-7.0, 3.0],
-                [-7.0, 3.0],
-                [-7.0, 1.0],
-                [1.0; 2],
-            ],
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("always[0.1s,0.4s](truth.a < 6)", [NO, [-up, 5.0], [-up, 3.0], [-up, 3.0], [1.0; 2], [1.0; 2]]),
+        ("eventually[0s,0.4s](truth.a > 2)", [[-2.0, up], [-1.0, up], [1.0, up], [1.0, up], [3.0; 2], [3.0; 2]]),
+        ("truth.a < 4 until[0s,0.4s] truth.a > 2", [[-2.0, 4.0], [-1.0, 3.0], [1.0; 2], [1.0; 2], [1.0; 2], [1.0; 2]]),
+        ("always(truth.a < 6) or truth.a > 7", [[-7.0, 6.0], [-7.0, 5.0], [-7.0, 3.0], [-7.0, 3.0], [-7.0, 1.0], [1.0; 2]]),
+    ];
+    for (text, expected) in cases {
         let mut monitor = monitor(text, 5).expect("right");
         assert_eq!(monitor.bounds()[0], NO, "{text}");
         for (k, expected) in (0..).zip(expected) {

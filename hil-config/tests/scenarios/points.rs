@@ -6,7 +6,9 @@ use hil_config::plan::{Plan, Waveform};
 use hil_config::problem::{Problem, ProblemKind};
 use hil_config::scenario::Scenario;
 
-use crate::{base_with, check, descriptions};
+use crate::bad::assert_found;
+use crate::descriptions::Checked;
+use crate::{check, only, with_stimulus};
 
 const TABLE: &str = "kind = \"table\"\nfile = \"points/x.csv\"";
 
@@ -18,15 +20,11 @@ fn with_file(csv: Option<&str>) -> Result<Plan, Vec<Problem>> {
         fs::write(folder.path().join("points/x.csv"), csv).expect("a file");
     }
     let path = folder.path().join("base.toml");
-    let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", TABLE);
+    let text = with_stimulus(TABLE);
     fs::write(&path, text).expect("a file");
     Scenario::read(&path)
         .expect("TOML")
-        .check(
-            &descriptions::plants(),
-            &descriptions::laws(),
-            &descriptions::kinds(),
-        )
+        .checked()
         .map_err(|problems| problems.0)
 }
 
@@ -55,7 +53,7 @@ fn a_file_that_begins_with_a_byte_order_mark_is_read() {
 #[test]
 fn points_may_stand_in_the_scenario() {
     let inline = "kind = \"table\"\ntime_s = [0, 0.5, 2]\nvalues = [1, -2.5, 3e-3]";
-    let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", inline);
+    let text = with_stimulus(inline);
     assert_eq!(check(&text).expect("points").stimuli[1].waveform, points());
 }
 
@@ -72,28 +70,25 @@ fn a_wrong_line_is_named_with_file_and_number() {
         ("", 1, "no points"),
     ];
     for (csv, line, piece) in cases {
-        let problems = with_file(Some(csv)).expect_err(csv);
-        assert_eq!(problems.len(), 1, "{csv}: {problems:?}");
-        let problem = &problems[0];
-        assert_eq!(problem.kind, ProblemKind::Syntax);
+        let problem = only(with_file(Some(csv)).expect_err(csv));
+        assert_found(&problem, ProblemKind::Syntax, &[piece]);
         assert!(problem.source.ends_with("points/x.csv"), "{problem}");
-        assert_eq!(
-            problem.excerpt.as_ref().map(|at| at.line),
-            Some(line),
-            "{problem}"
-        );
-        assert!(problem.to_string().contains(piece), "{problem}");
+        let reported = problem.excerpt.as_ref().map(|at| at.line);
+        assert_eq!(reported, Some(line), "{problem}");
     }
 }
 
 #[test]
-fn a_missing_file_is_reported_at_its_key() {
-    let problems = with_file(None).expect_err("no file");
-    assert_eq!(problems.len(), 1);
-    assert_eq!(problems[0].kind, ProblemKind::Unreadable);
-    assert_eq!(problems[0].key, "stimuli[1].file");
-    assert!(problems[0].source.ends_with("base.toml"));
-    assert!(problems[0].to_string().contains("points/x.csv"));
+fn a_missing_file_is_reported_at_its_key_with_the_folder_of_its_path() {
+    let problem = only(with_file(None).expect_err("no file"));
+    let pieces = ["cannot be read: it does not exist", "points/x.csv"];
+    assert_found(&problem, ProblemKind::Unreadable, &pieces);
+    assert_eq!(problem.key, "stimuli[1].file");
+    assert!(problem.source.ends_with("base.toml"));
+    let help = problem.help.as_deref().expect("advice");
+    let folder = "paths in a scenario are relative to the folder of the scenario, /";
+    assert!(help.contains(folder), "{help}");
+    assert!(help.ends_with("/points/x.csv"), "{help}");
 }
 
 #[test]
@@ -115,51 +110,40 @@ fn wrong_points_in_the_scenario_are_refused() {
         ("time_s = 1\nvalues = [1, 2]", "a list of numbers"),
     ] {
         let stimulus = format!("kind = \"table\"\n{points}");
-        let text = base_with("kind = \"step\"\nat_s = 0.5\nafter = 2.0", &stimulus);
-        let reported = crate::problems(&text);
-        assert_eq!(reported.len(), 1, "{points}: {reported:?}");
-        assert!(reported[0].to_string().contains(piece), "{}", reported[0]);
+        let text = with_stimulus(&stimulus);
+        let problem = only(crate::problems(&text));
+        assert!(problem.to_string().contains(piece), "{problem}");
     }
 }
 
 #[test]
-fn a_profile_too_large_for_the_record_stream_is_refused() {
-    let with_points = |count: usize| {
-        let times: Vec<String> = (0..count).map(|i| format!("{}.0", i)).collect();
-        let fault = format!(
-            "{}\n[[faults]]\nkind = \"bias\"\nat_s = 0.5\n[[faults.effects]]\n\
+fn a_fault_with_more_numbers_than_the_record_stream_carries_is_refused() {
+    let profile = |count: usize| {
+        let times: Vec<String> = (0..count).map(|i| format!("{i}.0")).collect();
+        let times = times.join(", ");
+        format!(
+            "kind = \"bias\"\nat_s = 0.5\n[[faults.effects]]\n\
              target = \"measured.surface_angle_rad\"\nbias = 1.0\n\
-             profile = {{ kind = \"table\", time_s = [{times}], values = [{times}] }}\n",
-            crate::BASE,
-            times = times.join(", ")
-        );
-        crate::check(&fault)
+             profile = {{ kind = \"table\", time_s = [{times}], values = [{times}] }}\n"
+        )
     };
-    assert!(with_points(10_000).is_ok());
-    let problems = with_points(10_001).expect_err("too many");
-    assert!(
-        problems.to_string().contains("at most 10000 points"),
-        "{problems}"
-    );
-}
-
-#[test]
-fn a_list_too_large_for_the_record_stream_is_refused() {
-    let with_rows = |count: usize| {
-        let fault = format!(
-            "{}\n[[faults]]\nkind = \"late\"\nat_s = 0.5\n[[faults.effects]]\n\
-             target = \"plant\"\nbusy_us = 1\nhistogram = [{}]\n",
-            crate::BASE,
-            vec!["[5, 1]"; count].join(", ")
-        );
-        crate::check(&fault)
+    let list = |count: usize| {
+        let rows = vec!["[5, 1]"; count].join(", ");
+        format!(
+            "kind = \"late\"\nat_s = 0.5\n[[faults.effects]]\n\
+             target = \"plant\"\nbusy_us = 1\nhistogram = [{rows}]\n"
+        )
     };
-    assert!(with_rows(10_000).is_ok());
-    let problems = with_rows(10_001).expect_err("too many");
-    assert!(
-        problems.to_string().contains("at most 20000 numbers"),
-        "{problems}"
-    );
+    let cases: [(&dyn Fn(usize) -> String, &str); 2] = [
+        (&profile, "at most 10000 points"),
+        (&list, "at most 20000 numbers"),
+    ];
+    for (fault, piece) in cases {
+        let with = |count| check(&format!("{}\n[[faults]]\n{}", crate::BASE, fault(count)));
+        assert!(with(10_000).is_ok(), "{piece}");
+        let problems = with(10_001).expect_err(piece).to_string();
+        assert!(problems.contains(piece), "{problems}");
+    }
 }
 
 #[test]
@@ -167,10 +151,7 @@ fn a_table_outside_the_run_is_refused_with_both_times() {
     // The run goes from 0 to 2 s.
     let inline = |times: &str, values: &str| {
         let table = format!("kind = \"table\"\ntime_s = {times}\nvalues = {values}");
-        check(&base_with(
-            "kind = \"step\"\nat_s = 0.5\nafter = 2.0",
-            &table,
-        ))
+        check(&with_stimulus(&table))
     };
     for (times, text) in [
         (
@@ -191,20 +172,4 @@ fn a_table_outside_the_run_is_refused_with_both_times() {
     }
     let problems = with_file(Some("time_s,value\n3,1\n")).expect_err("outside");
     assert_eq!(problems[0].key, "stimuli[1].file");
-}
-
-#[test]
-fn a_missing_file_is_reported_with_the_folder_of_its_path() {
-    let problems = with_file(None).expect_err("no file");
-    let message = problems[0].to_string();
-    let help = problems[0].help.as_deref().expect("advice");
-    assert!(
-        message.contains("cannot be read: it does not exist"),
-        "{message}"
-    );
-    assert!(
-        help.contains("paths in a scenario are relative to the folder of the scenario, /"),
-        "{help}"
-    );
-    assert!(help.ends_with("/points/x.csv"), "{help}");
 }

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 
 use hil_config::plan::{ControllerProgram, Permissions, Programs};
-use hil_config::problem::ProblemKind;
+use hil_config::problem::{Problem, ProblemKind};
 use hil_config::scenario::Advice;
-use hil_config::show::show;
 
-use crate::{BASE, base_with, descriptions, parse, plan, problems};
+use crate::descriptions::{self, Checked};
+use crate::{BASE, base_with, only, parse, plan, problems};
 
 /// Returns the base with programs named in both tables.
 fn naming(plant: &str, controller: &str) -> String {
@@ -66,8 +66,7 @@ fn permissions_of_an_fmu_are_read_for_each_side_and_shown_again() {
     });
     assert_eq!(plan.programs.plant_permissions, archive);
     assert_eq!(plan.programs.controller_permissions, tool);
-    let (plants, laws) = (descriptions::plants(), descriptions::laws());
-    let shown_text = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
+    let shown_text = descriptions::shown(&plan);
     assert_eq!(
         crate::plan(&shown_text).programs,
         plan.programs,
@@ -78,12 +77,9 @@ fn permissions_of_an_fmu_are_read_for_each_side_and_shown_again() {
             "substeps = 2",
             &format!("substeps = 2\ntrust_archive = {wrong}"),
         );
-        let problems = problems(&text);
-        let [problem] = &problems[..] else {
-            panic!("{problems:?}")
-        };
+        let Problem { key, kind, .. } = only(problems(&text));
         assert_eq!(
-            (problem.key.as_str(), problem.kind),
+            (&*key, kind),
             ("plant.trust_archive", ProblemKind::WrongType)
         );
     }
@@ -103,39 +99,18 @@ fn a_controller_may_have_a_program_for_each_type_of_machine() {
 
 #[test]
 fn an_invalid_program_is_refused_at_its_place() {
-    for (plant, controller, key, kind) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("3", "\"a\"", "plant.program", ProblemKind::WrongType),
-        (
-            "{ x86_64 = \"a\" }",
-            "\"a\"",
-            "plant.program",
-            ProblemKind::WrongType,
-        ),
+        ("{ x86_64 = \"a\" }", "\"a\"", "plant.program", ProblemKind::WrongType),
         ("\"\"", "\"a\"", "plant.program", ProblemKind::OutOfRange),
-        (
-            "\"a\\u0007\"",
-            "\"a\"",
-            "plant.program",
-            ProblemKind::OutOfRange,
-        ),
-        (
-            "\"a\"",
-            "[\"a\"]",
-            "controller.program",
-            ProblemKind::WrongType,
-        ),
-        (
-            "\"a\"",
-            "{ x86_64 = 1 }",
-            "controller.program.x86_64",
-            ProblemKind::WrongType,
-        ),
-    ] {
+        ("\"a\\u0007\"", "\"a\"", "plant.program", ProblemKind::OutOfRange),
+        ("\"a\"", "[\"a\"]", "controller.program", ProblemKind::WrongType),
+        ("\"a\"", "{ x86_64 = 1 }", "controller.program.x86_64", ProblemKind::WrongType),
+    ];
+    for (plant, controller, key, kind) in cases {
         let text = naming(plant, controller);
-        let reported = problems(&text);
-        let [reported] = &reported[..] else {
-            panic!("{reported:?}")
-        };
+        let reported = only(problems(&text));
         assert_eq!((reported.key.as_str(), reported.kind), (key, kind));
         // Before the check a faulty one counts as missing.
         let programs = parse(&text).expect("TOML").programs();
@@ -148,8 +123,7 @@ fn programs_are_shown_with_their_whole_path() {
     let table = "{ x86_64 = \"host/law\", aarch64 = \"target/law\" }";
     for controller in ["\"laws/one\"", table] {
         let plan = plan(&naming("\"target/plant\"", controller));
-        let (plants, laws) = (descriptions::plants(), descriptions::laws());
-        let text = show(&plan, &plants, &laws, &descriptions::kinds()).expect("described");
+        let text = descriptions::shown(&plan);
         let again = crate::plan(&text);
         assert_eq!(again.programs, plan.programs, "{text}");
     }
@@ -161,9 +135,7 @@ fn an_unknown_name_is_reported_with_exactly_the_given_advice() {
         base_with("model = \"drhas\"", "model = \"x\"").replace("law = \"ftsc\"", "law = \"y\"");
     let help = |advice: Advice| {
         let scenario = parse(&text).expect("TOML").advise(advice);
-        let (plants, laws) = (descriptions::plants(), descriptions::laws());
-        let problems = scenario.check(&plants, &laws, &descriptions::kinds());
-        let problems = problems.expect_err("neither is known").0;
+        let problems = scenario.checked().expect_err("neither is known").0;
         ["plant.model", "controller.law"].map(|key| {
             let problem = problems.iter().find(|one| one.key == key);
             problem.expect("it is told").help.clone()

@@ -163,38 +163,16 @@ fn a_number_with_a_unit_is_compatible_with_signals_of_its_dimension() {
 
 #[test]
 fn an_incompatible_unit_is_refused_with_a_suggestion() {
-    for (place, expression, pieces) in [
-        (
-            "DERIVED",
-            "truth.position_m - 5 ms",
-            ["`5 ms` in ms, which cannot be subtracted", "plain number"],
-        ),
-        (
-            "METRIC",
-            "max(truth.position_m) - 2%",
-            ["`2%` in %, which cannot be subtracted", "plain number"],
-        ),
-        (
-            "METRIC",
-            "integral(truth.position_m) + 2 cm",
-            ["`integral(..)` is in m s and `2 cm` in cm", "plain number"],
-        ),
-        (
-            "FORMULA",
-            "always(5 cm < truth.velocity_mps)",
-            ["`5 cm` is in cm and `truth.velocity_mps` in m/s", "plain"],
-        ),
-        (
-            "FORMULA",
-            "always(truth.position_m + 1 < 5 cm + 1 s)",
-            ["`5 cm` is in cm and `1 s` in s", "one dimension"],
-        ),
-        (
-            "WHEN",
-            "command.force_n > 20 kPa",
-            ["`command.force_n` is in N and `20 kPa` in kPa", "compared"],
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("DERIVED", "truth.position_m - 5 ms", ["`5 ms` in ms, which cannot be subtracted", "plain number"]),
+        ("METRIC", "max(truth.position_m) - 2%", ["`2%` in %, which cannot be subtracted", "plain number"]),
+        ("METRIC", "integral(truth.position_m) + 2 cm", ["`integral(..)` is in m s and `2 cm` in cm", "plain number"]),
+        ("FORMULA", "always(5 cm < truth.velocity_mps)", ["`5 cm` is in cm and `truth.velocity_mps` in m/s", "plain"]),
+        ("FORMULA", "always(truth.position_m + 1 < 5 cm + 1 s)", ["`5 cm` is in cm and `1 s` in s", "one dimension"]),
+        ("WHEN", "command.force_n > 20 kPa", ["`command.force_n` is in N and `20 kPa` in kPa", "compared"]),
+    ];
+    for (place, expression, pieces) in cases {
         let problems = check(&text(place, expression)).expect_err(expression);
         let message = problems.to_string();
         assert_eq!(problems.0.len(), 1, "{message}");

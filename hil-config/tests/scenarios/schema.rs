@@ -59,6 +59,12 @@ fn with_rules(schema: &Value, table: &toml::Table) -> Value {
     schema
 }
 
+/// Returns the schema of the scenarios of all described plants and laws.
+fn described() -> Value {
+    let (plants, laws) = (descriptions::plants(), descriptions::laws());
+    schema(&plants, &laws, &descriptions::kinds())
+}
+
 /// Returns the schema of the effects of a kind of fault.
 fn effects(schema: &Value, kind: &str) -> Value {
     let rules = &schema["properties"]["faults"]["items"]["allOf"];
@@ -72,11 +78,7 @@ fn effects(schema: &Value, kind: &str) -> Value {
 
 #[test]
 fn the_schema_offers_exactly_the_keys_of_valid_scenarios() {
-    let schema = schema(
-        &descriptions::plants(),
-        &descriptions::laws(),
-        &descriptions::kinds(),
-    );
+    let schema = described();
     let mut unknown = Vec::new();
     let value: toml::Value = toml::from_str(BASE).expect("TOML");
     unknown_keys(&schema, &value, "", &mut unknown);
@@ -91,11 +93,7 @@ fn the_schema_offers_exactly_the_keys_of_valid_scenarios() {
 
 #[test]
 fn the_schema_has_ranges_defaults_and_names() {
-    let schema = schema(
-        &descriptions::plants(),
-        &descriptions::laws(),
-        &descriptions::kinds(),
-    );
+    let schema = described();
     let at = |pointer: &str| schema.pointer(pointer).unwrap_or(&Value::Null).clone();
     let rate = "/properties/run/properties/rate_hz";
     assert_eq!(at(&format!("{rate}/minimum")), 0.001);
@@ -130,11 +128,7 @@ fn the_schema_has_ranges_defaults_and_names() {
 
 #[test]
 fn the_schema_has_the_keys_of_each_kinds_effects() {
-    let schema = schema(
-        &descriptions::plants(),
-        &descriptions::laws(),
-        &descriptions::kinds(),
-    );
+    let schema = described();
     let kinds = &schema["properties"]["faults"]["items"]["properties"]["kind"]["enum"];
     let names = [
         "leakage",

@@ -10,15 +10,11 @@ use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
 use shared_types::time::Step;
 
-use crate::descriptions;
+use crate::descriptions::Checked;
 
 fn shipped(name: &str, flags: &[&str]) -> Result<Plan, Problems> {
     let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
-    Scenario::read(folder.join(name))?.set(flags).check(
-        &descriptions::plants(),
-        &descriptions::laws(),
-        &descriptions::kinds(),
-    )
+    Scenario::read(folder.join(name))?.set(flags).checked()
 }
 
 #[test]

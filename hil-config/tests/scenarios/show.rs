@@ -3,17 +3,10 @@
 use hil_config::show::show;
 use proptest::prelude::*;
 
-use crate::{BASE, base_with, descriptions, plan};
+use crate::{BASE, base_with, descriptions, plan, with_stimulus};
 
 fn shown(text: &str) -> String {
-    let plan = plan(text);
-    show(
-        &plan,
-        &descriptions::plants(),
-        &descriptions::laws(),
-        &descriptions::kinds(),
-    )
-    .expect("described")
+    descriptions::shown(&plan(text))
 }
 
 #[test]
@@ -24,23 +17,10 @@ fn a_shown_plan_means_the_same() {
         base_with("plant_core = 2\n", "").replace("dma_latency_us = 20\n", ""),
         base_with("law = \"ftsc\"", "law = \"hold\"")
             .replace("internal.fault_detected", "truth.force_fight_n"),
-        base_with(
-            "kind = \"step\"\nat_s = 0.5\nafter = 2.0",
-            "kind = \"ramp\"\nduration_s = 1\nend = 3",
-        ),
-        base_with(
-            "kind = \"step\"\nat_s = 0.5\nafter = 2.0",
-            "kind = \"paper\"\nonset_per_s3 = 3",
-        ),
-        base_with(
-            "kind = \"step\"\nat_s = 0.5\nafter = 2.0",
-            "kind = \"chirp\"\nduration_s = 1\namplitude = 3\nstart_hz = 0\nend_hz = 1",
-        ),
-        base_with(
-            "kind = \"step\"\nat_s = 0.5\nafter = 2.0",
-            "kind = \"table\"\ntime_s = [0.1, 1e-3e0]\nvalues = [1, 2]",
-        )
-        .replace("[0.1, 1e-3e0]", "[1e-3, 0.1]"),
+        with_stimulus("kind = \"ramp\"\nduration_s = 1\nend = 3"),
+        with_stimulus("kind = \"paper\"\nonset_per_s3 = 3"),
+        with_stimulus("kind = \"chirp\"\nduration_s = 1\namplitude = 3\nstart_hz = 0\nend_hz = 1"),
+        with_stimulus("kind = \"table\"\ntime_s = [1e-3, 0.1]\nvalues = [1, 2]"),
         base_with("[-0.4, 0.4]", "[-inf, inf]"),
         base_with(
             "[1.0, 2]]",

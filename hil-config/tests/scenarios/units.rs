@@ -52,95 +52,19 @@ pub(crate) fn text(place: &str, expression: &str) -> String {
 
 #[test]
 fn two_known_units_are_neither_added_nor_compared() {
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "DERIVED",
-            "truth.position_m + truth.velocity_mps",
-            "derived[0].expression",
-            "m",
-            "m/s",
-            "added",
-        ),
-        (
-            "DERIVED",
-            "2 + truth.position_m - -truth.velocity_mps",
-            "derived[0].expression",
-            "m",
-            "m/s",
-            "subtracted",
-        ),
-        (
-            "DERIVED",
-            "max(truth.position_m, truth.velocity_mps)",
-            "derived[0].expression",
-            "m",
-            "m/s",
-            "compared",
-        ),
-        (
-            "METRIC",
-            "max(truth.position_m - truth.velocity_mps)",
-            "metrics[0].expression",
-            "m",
-            "m/s",
-            "subtracted",
-        ),
-        (
-            "METRIC",
-            "max(truth.position_m) + rms(way_m + 1) - mean(command.force_n)",
-            "metrics[0].expression",
-            "m",
-            "N",
-            "subtracted",
-        ),
-        (
-            "METRIC",
-            "mean(truth.position_m < truth.velocity_mps)",
-            "metrics[0].expression",
-            "m",
-            "m/s",
-            "compared",
-        ),
-        (
-            "ALARM",
-            "abs(measured.velocity_mps) >= way_m",
-            "metrics[1].alarm",
-            "m/s",
-            "m",
-            "compared",
-        ),
-        (
-            "FORMULA",
-            "always(truth.position_m < truth.velocity_mps)",
-            "requirements[0].formula",
-            "m",
-            "m/s",
-            "compared",
-        ),
-        (
-            "FORMULA",
-            "not eventually[0s,0.5s](truth.position_m + 1 == applied.force_n)",
-            "requirements[0].formula",
-            "m",
-            "N",
-            "compared",
-        ),
-        (
-            "FORMULA",
-            "always(truth.position_m + truth.velocity_mps > 0)",
-            "requirements[0].formula",
-            "m",
-            "m/s",
-            "added",
-        ),
-        (
-            "WHEN",
-            "command.force_n > truth.position_m",
-            "faults[0].when",
-            "N",
-            "m",
-            "compared",
-        ),
+        ("DERIVED", "truth.position_m + truth.velocity_mps", "derived[0].expression", "m", "m/s", "added"),
+        ("DERIVED", "2 + truth.position_m - -truth.velocity_mps", "derived[0].expression", "m", "m/s", "subtracted"),
+        ("DERIVED", "max(truth.position_m, truth.velocity_mps)", "derived[0].expression", "m", "m/s", "compared"),
+        ("METRIC", "max(truth.position_m - truth.velocity_mps)", "metrics[0].expression", "m", "m/s", "subtracted"),
+        ("METRIC", "max(truth.position_m) + rms(way_m + 1) - mean(command.force_n)", "metrics[0].expression", "m", "N", "subtracted"),
+        ("METRIC", "mean(truth.position_m < truth.velocity_mps)", "metrics[0].expression", "m", "m/s", "compared"),
+        ("ALARM", "abs(measured.velocity_mps) >= way_m", "metrics[1].alarm", "m/s", "m", "compared"),
+        ("FORMULA", "always(truth.position_m < truth.velocity_mps)", "requirements[0].formula", "m", "m/s", "compared"),
+        ("FORMULA", "not eventually[0s,0.5s](truth.position_m + 1 == applied.force_n)", "requirements[0].formula", "m", "N", "compared"),
+        ("FORMULA", "always(truth.position_m + truth.velocity_mps > 0)", "requirements[0].formula", "m", "m/s", "added"),
+        ("WHEN", "command.force_n > truth.position_m", "faults[0].when", "N", "m", "compared"),
     ];
     for (place, expression, key, unit, other, joined) in cases {
         let problems = check(&text(place, expression)).expect_err(expression);
@@ -166,100 +90,43 @@ fn two_known_units_are_neither_added_nor_compared() {
 
 #[test]
 fn plain_numbers_products_and_factors_are_compatible_with_everything() {
-    for (place, expression) in [
-        (
-            "DERIVED",
-            "truth.position_m * truth.position_m - truth.velocity_mps",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("DERIVED", "truth.position_m * truth.position_m - truth.velocity_mps"),
         ("DERIVED", "truth.position_m + 1 * truth.velocity_mps"),
-        (
-            "DERIVED",
-            "truth.position_m / truth.velocity_mps + truth.velocity_mps",
-        ),
+        ("DERIVED", "truth.position_m / truth.velocity_mps + truth.velocity_mps"),
         ("DERIVED", "sqrt(truth.velocity_mps) + truth.position_m + 1"),
-        (
-            "METRIC",
-            "integral(truth.position_m) - max(truth.velocity_mps)",
-        ),
-        (
-            "METRIC",
-            "mean(truth.position_m > 0) + max(truth.velocity_mps)",
-        ),
+        ("METRIC", "integral(truth.position_m) - max(truth.velocity_mps)"),
+        ("METRIC", "mean(truth.position_m > 0) + max(truth.velocity_mps)"),
         ("ALARM", "share > truth.velocity_mps and way_m < 1"),
-        (
-            "FORMULA",
-            "always(share < truth.velocity_mps and 0 < way_m + 1)",
-        ),
-        (
-            "FORMULA",
-            "always(truth.position_m < 1 * truth.velocity_mps)",
-        ),
-        (
-            "FORMULA",
-            "always(1 * truth.position_m * 3.6 < truth.velocity_mps)",
-        ),
+        ("FORMULA", "always(share < truth.velocity_mps and 0 < way_m + 1)"),
+        ("FORMULA", "always(truth.position_m < 1 * truth.velocity_mps)"),
+        ("FORMULA", "always(1 * truth.position_m * 3.6 < truth.velocity_mps)"),
         ("FORMULA", "always(2 / truth.position_m < 5 N)"),
-    ] {
+    ];
+    for (place, expression) in cases {
         plan(&text(place, expression));
     }
 }
 
 #[test]
 fn a_plain_factor_keeps_the_dimension_of_a_quantity() {
-    for (place, expression, second) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("FORMULA", "always truth.position_m * 2 < 5 N", "`5 N` in N"),
         ("FORMULA", "always truth.position_m / 2 < 5 N", "`5 N` in N"),
-        (
-            "FORMULA",
-            "always -1 * truth.position_m < 5 N",
-            "`5 N` in N",
-        ),
-        (
-            "FORMULA",
-            "always abs(2 * (truth.position_m + way_m)) < 5 N",
-            "`5 N` in N",
-        ),
-        (
-            "FORMULA",
-            "always applied.force_n < 2 * 3 * 5 cm",
-            "`5 cm` in cm",
-        ),
-        (
-            "FORMULA",
-            "always truth.position_m * 2% < 5 N",
-            "`5 N` in N",
-        ),
-        (
-            "FORMULA",
-            "always truth.velocity_mps < 1 cm * 2%",
-            "`1 cm` in cm",
-        ),
-        (
-            "FORMULA",
-            "always truth.velocity_mps < 2% * (1 cm / 3)",
-            "`1 cm` in cm",
-        ),
-        (
-            "FORMULA",
-            "always min(2 * truth.position_m, way_m) < truth.velocity_mps",
-            "`truth.velocity_mps` in m/s",
-        ),
-        (
-            "DERIVED",
-            "100 * truth.position_m - truth.velocity_mps",
-            "`truth.velocity_mps` in m/s",
-        ),
-        (
-            "METRIC",
-            "2 * max(truth.position_m) - mean(command.force_n / 3)",
-            "`command.force_n` in N",
-        ),
-        (
-            "WHEN",
-            "command.force_n * 2 > truth.position_m * 2",
-            "`truth.position_m` in m",
-        ),
-    ] {
+        ("FORMULA", "always -1 * truth.position_m < 5 N", "`5 N` in N"),
+        ("FORMULA", "always abs(2 * (truth.position_m + way_m)) < 5 N", "`5 N` in N"),
+        ("FORMULA", "always applied.force_n < 2 * 3 * 5 cm", "`5 cm` in cm"),
+        ("FORMULA", "always truth.position_m * 2% < 5 N", "`5 N` in N"),
+        ("FORMULA", "always truth.velocity_mps < 1 cm * 2%", "`1 cm` in cm"),
+        ("FORMULA", "always truth.velocity_mps < 2% * (1 cm / 3)", "`1 cm` in cm"),
+        ("FORMULA", "always min(2 * truth.position_m, way_m) < truth.velocity_mps", "`truth.velocity_mps` in m/s"),
+        ("DERIVED", "100 * truth.position_m - truth.velocity_mps", "`truth.velocity_mps` in m/s"),
+        ("METRIC", "2 * max(truth.position_m) - mean(command.force_n / 3)", "`command.force_n` in N"),
+        ("WHEN", "command.force_n * 2 > truth.position_m * 2", "`truth.position_m` in m"),
+    ];
+    for (place, expression, second) in cases {
         let problems = check(&text(place, expression)).expect_err(expression);
         let message = problems.to_string();
         assert_eq!(problems.0.len(), 1, "{message}");
@@ -308,93 +175,27 @@ fn a_number_with_a_unit_is_refused_beside_a_value_that_a_factor_may_have_convert
     let declared = derived("pos", "unit = \"mm\"\n", "truth.position_m * 1000");
     let p_bar = derived("p_bar", "", "truth.position_m * 1e-5");
     let chain = format!("{pos}{}", derived("other", "", "abs(pos) + 1"));
-    for (signals, formula, advice) in [
-        (
-            &pos_mm,
-            "always(pos_mm < 15 mm)",
-            "plain number in mm: `15.0`",
-        ),
-        (
-            &pos_mm,
-            "always(pos_mm / 1 cm < 2)",
-            "plain number in mm: `10.0`",
-        ),
-        (
-            &pos_mm,
-            "always(pos_mm < truth.position_m)",
-            "in mm and `truth.position_m` in m",
-        ),
-        (
-            &pos_mm,
-            "always(pos_mm / 2 s < 5 cm/s)",
-            "counts in m/s, and `pos_mm` may",
-        ),
-        (
-            &pos_mm,
-            "always(pos_mm * truth.position_m < 5 cm)",
-            "give the derived signal its `unit`",
-        ),
-        (
-            &p_bar,
-            "always(p_bar < 1 Pa)",
-            "plain number in bar: `1e-5`",
-        ),
-        (
-            &pos,
-            "always(pos < 15 mm)",
-            "`15 mm` counts in m, and `pos` may count in another unit",
-        ),
-        (
-            &pos,
-            "always(5 cm > pos * 2)",
-            "give the derived signal its `unit`",
-        ),
-        (
-            &pos,
-            "always(pos / 1 cm < 2)",
-            "give the derived signal its `unit`",
-        ),
-        (
-            &pos,
-            "always(abs(pos + 1) < 5 cm)",
-            "give the derived signal its `unit`",
-        ),
-        (
-            &chain,
-            "always(other < 5 cm)",
-            "`other` may count in another unit",
-        ),
-        (
-            &chain,
-            "always(other + truth.position_m < 5 cm)",
-            "`other` may count in another unit",
-        ),
-        (
-            &declared,
-            "always(pos < 5 cm)",
-            "plain number in mm: `50.0`",
-        ),
-        (
-            &declared,
-            "always(pos / 1 cm < 2)",
-            "plain number in mm: `10.0`",
-        ),
-        (
-            &pos,
-            "always(truth.position_m * 1000 < 5 cm)",
-            "scale `5 cm` instead",
-        ),
-        (
-            &pos,
-            "always(way_m + 1000 * truth.position_m < 5 cm)",
-            "scales `truth.position_m`",
-        ),
-        (
-            &pos,
-            "always(1000 * truth.position_m / 1 cm < 5)",
-            "scale `1 cm` instead",
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        (&pos_mm, "always(pos_mm < 15 mm)", "plain number in mm: `15.0`"),
+        (&pos_mm, "always(pos_mm / 1 cm < 2)", "plain number in mm: `10.0`"),
+        (&pos_mm, "always(pos_mm < truth.position_m)", "in mm and `truth.position_m` in m"),
+        (&pos_mm, "always(pos_mm / 2 s < 5 cm/s)", "counts in m/s, and `pos_mm` may"),
+        (&pos_mm, "always(pos_mm * truth.position_m < 5 cm)", "give the derived signal its `unit`"),
+        (&p_bar, "always(p_bar < 1 Pa)", "plain number in bar: `1e-5`"),
+        (&pos, "always(pos < 15 mm)", "`15 mm` counts in m, and `pos` may count in another unit"),
+        (&pos, "always(5 cm > pos * 2)", "give the derived signal its `unit`"),
+        (&pos, "always(pos / 1 cm < 2)", "give the derived signal its `unit`"),
+        (&pos, "always(abs(pos + 1) < 5 cm)", "give the derived signal its `unit`"),
+        (&chain, "always(other < 5 cm)", "`other` may count in another unit"),
+        (&chain, "always(other + truth.position_m < 5 cm)", "`other` may count in another unit"),
+        (&declared, "always(pos < 5 cm)", "plain number in mm: `50.0`"),
+        (&declared, "always(pos / 1 cm < 2)", "plain number in mm: `10.0`"),
+        (&pos, "always(truth.position_m * 1000 < 5 cm)", "scale `5 cm` instead"),
+        (&pos, "always(way_m + 1000 * truth.position_m < 5 cm)", "scales `truth.position_m`"),
+        (&pos, "always(1000 * truth.position_m / 1 cm < 5)", "scale `1 cm` instead"),
+    ];
+    for (signals, formula, advice) in cases {
         let problems = check(&scenario(signals, formula)).expect_err(formula);
         let message = problems.to_string();
         assert_eq!(problems.0.len(), 1, "{message}");

@@ -166,6 +166,42 @@ pub(super) fn job(steps: u64) -> Job {
 
 type TestEngine = Engine<InProcessLink, InProcessSink>;
 
+/// Creates an engine, the controller's end of its link, and a recorder.
+fn started(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
+    let (link, controller) = pair();
+    let (sink, source) = shared_types::stream::in_process::pair();
+    let engine = Engine::new(kind, &kinds::all(), job, link, sink).expect("starts");
+    (engine, controller, source)
+}
+
+/// Sends a hello and returns the plant's answer.
+fn greet<L: Link>(
+    engine: &mut Engine<L, InProcessSink>,
+    controller: &mut InProcessLink,
+    hello: Hello,
+) -> Control {
+    let hello = Control::Hello(hello).to_bytes();
+    controller.send_control(&hello).expect("sends");
+    engine.poll().expect("polls");
+    let answer = controller.receive_control().expect("polls");
+    Control::from_bytes(&answer.expect("an answer")).expect("a message")
+}
+
+/// Opens the frames of a welcome, with so many values a command, and reports readiness.
+fn join(controller: &mut InProcessLink, answer: Control, outgoing: usize) {
+    let Control::Welcome(welcome) = answer else {
+        panic!("no welcome: {answer:?}");
+    };
+    let spec = FrameSpec {
+        identity: welcome.frame_identity(),
+        outgoing,
+        incoming: 3,
+    };
+    controller.open_frames(&spec).expect("opens");
+    let ready = Control::Ready { epoch: 1 }.to_bytes();
+    controller.send_control(&ready).expect("sends");
+}
+
 /// Creates an engine, a controller that has opened its frames, and a recorder.
 fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
     greeted_by(&kind(), job)
@@ -173,9 +209,7 @@ fn greeted(job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
 
 /// Creates the same with a plant that has the tables of [`Mover`].
 fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProcessSource) {
-    let (link, mut controller) = pair();
-    let (sink, source) = shared_types::stream::in_process::pair();
-    let mut engine = Engine::new(kind, &kinds::all(), job, link, sink).expect("starts");
+    let (mut engine, mut controller, source) = started(kind, job);
     let hello = Hello {
         measured: Measured::fields(),
         // In another order than the plant's, with a surplus one.
@@ -186,46 +220,30 @@ fn greeted_by(kind: &PlantKind, job: Job) -> (TestEngine, InProcessLink, InProce
         internals: vec![Field::signal("seen_m", "m", "x")],
         ..Hello::new(5, "test")
     };
-    controller
-        .send_control(&Control::Hello(hello).to_bytes())
-        .expect("sends");
-    engine.poll().expect("polls");
-    let bytes = controller
-        .receive_control()
-        .expect("polls")
-        .expect("an answer");
-    let Ok(Control::Welcome(welcome)) = Control::from_bytes(&bytes) else {
-        panic!("no welcome");
-    };
-    let spec = FrameSpec {
-        identity: welcome.frame_identity(),
-        outgoing: 3,
-        incoming: 3,
-    };
-    controller.open_frames(&spec).expect("opens");
-    controller
-        .send_control(&Control::Ready { epoch: 1 }.to_bytes())
-        .expect("sends");
+    let answer = greet(&mut engine, &mut controller, hello);
+    join(&mut controller, answer, 3);
     engine.poll().expect("polls");
     (engine, controller, source)
 }
 
+/// Polls until the plant waits, and returns its frame.
+fn frame(engine: &mut TestEngine, controller: &mut InProcessLink) -> (Header, [f64; 3]) {
+    while engine.poll().expect("polls") == Progress::Busy {}
+    let mut sample = [0.0; 3];
+    let header = controller.receive(&mut sample).expect("polls");
+    (header.expect("a frame"), sample)
+}
+
 /// Answers every sample with this force until the plant sends another kind of frame, and returns that header.
 fn run(engine: &mut TestEngine, controller: &mut InProcessLink, force_n: f64) -> Header {
-    let mut sample = [0.0; 3];
     loop {
-        while engine.poll().expect("polls") == Progress::Busy {}
-        let header = controller
-            .receive(&mut sample)
-            .expect("polls")
-            .expect("a frame");
+        let (header, sample) = frame(engine, controller);
         if header.kind() != Some(FrameKind::Sample) {
             return header;
         }
         let answer = Header::new(FrameKind::Command, Step(header.step));
-        controller
-            .send(&answer, &[7.0, force_n, sample[0]])
-            .expect("sends");
+        let command = [7.0, force_n, sample[0]];
+        controller.send(&answer, &command).expect("sends");
     }
 }
 
@@ -276,7 +294,7 @@ fn a_run_records_every_step_and_the_final_truth() {
 }
 
 #[test]
-fn a_fault_event_stands_between_the_records_around_it() {
+fn a_fault_event_is_published_between_the_records_around_it() {
     let (mut engine, mut controller, mut source) = greeted(job(4));
     run(&mut engine, &mut controller, 1.0);
     let mut order = Vec::new();

@@ -158,44 +158,17 @@ mod tests {
     fn the_receiver_has_the_last_arrival() {
         let (healthy, lost, late) = (copies(&[0]), copies(&[]), copies(&[2]));
         let swapped = overtaken(&[1]);
+        #[rustfmt::skip] // a table
         let cases: [(&str, &[Passage], &[u64]); 9] = [
             ("healthy", &[healthy, healthy], &[10, 11]),
-            (
-                "loss leaves the last one",
-                &[lost, lost, healthy],
-                &[9, 9, 12],
-            ),
+            ("loss leaves the last one", &[lost, lost, healthy], &[9, 9, 12]),
             ("a delay shows the past", &[late; 4], &[9, 9, 10, 11]),
-            (
-                "a late one gives way to one that was sent later",
-                &[copies(&[1]), healthy, healthy],
-                &[9, 11, 12],
-            ),
-            (
-                "jitter brings the past back",
-                &[copies(&[3]), healthy, healthy, copies(&[1]), healthy],
-                &[9, 11, 12, 10, 14],
-            ),
-            (
-                "a second copy brings the past back where nothing newer comes",
-                &[copies(&[0, 2]), healthy, lost, healthy],
-                &[10, 11, 10, 13],
-            ),
-            (
-                "an overtaken copy brings it back in any case",
-                &[overtaken(&[0, 2]), healthy, healthy, healthy],
-                &[10, 11, 10, 13],
-            ),
-            (
-                "two change places, twice",
-                &[swapped, healthy, swapped, healthy, healthy],
-                &[9, 10, 10, 12, 14],
-            ),
-            (
-                "all copies of a message are its own",
-                &[copies(&[1, 1, 0, 2]), lost, lost, lost],
-                &[10, 10, 10, 10],
-            ),
+            ("a late one gives way to one that was sent later", &[copies(&[1]), healthy, healthy], &[9, 11, 12]),
+            ("jitter brings the past back", &[copies(&[3]), healthy, healthy, copies(&[1]), healthy], &[9, 11, 12, 10, 14]),
+            ("a second copy brings the past back where nothing newer comes", &[copies(&[0, 2]), healthy, lost, healthy], &[10, 11, 10, 13]),
+            ("an overtaken copy brings it back in any case", &[overtaken(&[0, 2]), healthy, healthy, healthy], &[10, 11, 10, 13]),
+            ("two change places, twice", &[swapped, healthy, swapped, healthy, healthy], &[9, 10, 10, 12, 14]),
+            ("all copies of a message are its own", &[copies(&[1, 1, 0, 2]), lost, lost, lost], &[10, 10, 10, 10]),
         ];
         for (what, passages, expected) in cases {
             assert_eq!(received(passages), expected, "{what}");

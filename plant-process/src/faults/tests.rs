@@ -45,44 +45,17 @@ fn without_a_fault_everything_passes_unchanged() {
 
 #[test]
 fn impossible_faults_are_refused_by_name() {
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "plus",
-            on("measured.c_m", 1.0),
-            "`plus` cannot act on `measured.c_m`",
-        ),
-        (
-            "plus",
-            on("link.sample", 1.0),
-            "`plus` cannot act on `link.sample`",
-        ),
-        (
-            "gone",
-            on("parameter.gain", 1.0),
-            "`gone` cannot act on `parameter.gain`",
-        ),
-        (
-            "plus",
-            on("parameter.mass_kg", 1.0),
-            "`mass_kg` is not faultable",
-        ),
-        (
-            "late",
-            on("measured.a_m", 1.0),
-            "`late` cannot act on `measured.a_m`",
-        ),
-        (
-            "late",
-            on("link.other", 1.0),
-            "`late` cannot act on `link.other`",
-        ),
+        ("plus", on("measured.c_m", 1.0), "`plus` cannot act on `measured.c_m`"),
+        ("plus", on("link.sample", 1.0), "`plus` cannot act on `link.sample`"),
+        ("gone", on("parameter.gain", 1.0), "`gone` cannot act on `parameter.gain`"),
+        ("plus", on("parameter.mass_kg", 1.0), "`mass_kg` is not faultable"),
+        ("late", on("measured.a_m", 1.0), "`late` cannot act on `measured.a_m`"),
+        ("late", on("link.other", 1.0), "`late` cannot act on `link.other`"),
         ("jump", on("plant", 1.0), "`jump` cannot act on `plant`"),
         ("sabotage", on("plant", 1.0), "there is no fault `sabotage`"),
-        (
-            "x",
-            moving(&[("mass_kg", Operation::Add, 1.0)]),
-            "`mass_kg` is not faultable",
-        ),
+        ("x", moving(&[("mass_kg", Operation::Add, 1.0)]), "`mass_kg` is not faultable"),
         ("x", moving(&[]), "moves no parameter"),
     ];
     let builder = builder();

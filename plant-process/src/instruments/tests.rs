@@ -243,7 +243,7 @@ fn coupled_sensors_see_each_others_readings_of_the_model() {
 }
 
 #[test]
-fn a_restored_chain_goes_on_to_the_bit() {
+fn a_restored_chain_continues_bit_for_bit() {
     let (measured, command) = names();
     let all = [
         ("scale", 1.1),

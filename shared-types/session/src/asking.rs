@@ -206,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_program_that_is_stopped_has_the_limit_that_was_asked_for() {
+    fn a_stopped_program_has_the_requested_limit() {
         allow_seconds(0.2);
         let stops = ["-c", "kill -STOP $$"];
         let answer = ask(Path::new("sh"), &stops, &|| false).map(|answer| answer.status);

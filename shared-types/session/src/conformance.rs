@@ -162,7 +162,7 @@ macro_rules! flaws {
         )+
 
         #[test]
-        fn every_property_holds_without_a_flaw_and_is_broken_by_one() {
+        fn every_property_holds_without_a_mutation_and_is_violated_by_one() {
             let sentences = sentences::<Broken<InProcess, { Flaw::None as usize }>>();
             let broken = [$($(stringify!($sentence)),+),+];
             crate::conformance::assert_each_can_fail(&sentences, &broken);

@@ -149,44 +149,16 @@ mod tests {
     #[test]
     fn missing_requirements_on_shared_memory_are_reported() {
         let (free_inodes, read_only) = (Some(LEAST_INODES - 1), true);
-        for (state, expected) in [
+        #[rustfmt::skip] // a table
+        let cases = [
             (GOOD, None),
-            (
-                SharedMemory {
-                    free_inodes: None,
-                    ..GOOD
-                },
-                None,
-            ),
-            (
-                SharedMemory {
-                    is_read_only: read_only,
-                    ..GOOD
-                },
-                Some("remount,rw"),
-            ),
-            (
-                SharedMemory {
-                    is_open: false,
-                    ..GOOD
-                },
-                Some("chmod 1777"),
-            ),
-            (
-                SharedMemory {
-                    free_inodes,
-                    ..GOOD
-                },
-                Some("127 free inodes"),
-            ),
-            (
-                SharedMemory {
-                    free_bytes: 7 << 20,
-                    ..GOOD
-                },
-                Some("only 7 MiB free"),
-            ),
-        ] {
+            (SharedMemory { free_inodes: None,..GOOD }, None),
+            (SharedMemory { is_read_only: read_only,..GOOD }, Some("remount,rw")),
+            (SharedMemory { is_open: false,..GOOD }, Some("chmod 1777")),
+            (SharedMemory { free_inodes,..GOOD }, Some("127 free inodes")),
+            (SharedMemory { free_bytes: 7 << 20,..GOOD }, Some("only 7 MiB free")),
+        ];
+        for (state, expected) in cases {
             let obstacle = state.hindrance();
             match expected {
                 None => assert_eq!(obstacle, None),

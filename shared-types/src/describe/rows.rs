@@ -150,27 +150,13 @@ mod tests {
         required.parameters[0].default = None;
         assert_eq!(required.check_rows(), Ok(()), "a scenario must give it");
         type Change = fn(&mut Field);
+        #[rustfmt::skip] // a table
         let changes: [(Change, &str); 6] = [
-            (
-                |row| row.default = Some(3.0),
-                "has the default 3, outside 0 to 2",
-            ),
-            (
-                |row| row.default = Some(f64::NAN),
-                "has the default NaN, outside 0 to 2",
-            ),
-            (
-                |row| row.min = 5.0,
-                "has a range that begins above its end: 5 to 2",
-            ),
-            (
-                |row| row.max = f64::NAN,
-                "has a range that begins above its end: 0 to NaN",
-            ),
-            (
-                |row| row.unit.clear(),
-                "has no unit; a dimensionless number has the unit `1`",
-            ),
+            (|row| row.default = Some(3.0), "has the default 3, outside 0 to 2"),
+            (|row| row.default = Some(f64::NAN), "has the default NaN, outside 0 to 2"),
+            (|row| row.min = 5.0, "has a range that begins above its end: 5 to 2"),
+            (|row| row.max = f64::NAN, "has a range that begins above its end: 0 to NaN"),
+            (|row| row.unit.clear(), "has no unit; a dimensionless number has the unit `1`"),
             (|row| row.description.clear(), "has no description"),
         ];
         for (change, wrong) in changes {

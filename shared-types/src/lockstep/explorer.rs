@@ -220,7 +220,7 @@ fn no_step_is_executed_twice_or_on_a_stale_command_and_every_run_ends() {
 
 #[test]
 #[ignore = "takes minutes and gigabytes; run it after a change of the machines"]
-fn the_same_holds_within_wider_bounds() {
+fn every_interleaving_completes_within_wider_bounds() {
     explore_all(3, &BOUNDS);
 }
 

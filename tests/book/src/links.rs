@@ -54,7 +54,7 @@ mod tests {
     }
 
     #[test]
-    fn what_stands_at_the_top_is_linked_from_docs() {
+    fn every_file_at_the_top_is_linked_from_docs() {
         let text = "[a](docs/trust.md) [b](tools/src) [c](#d) [e](https://x.y)";
         assert_eq!(
             from_top(text),

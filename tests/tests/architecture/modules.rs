@@ -225,7 +225,7 @@ fn circle_of_level(arrows: &BTreeMap<&str, BTreeMap<&str, &Arrow>>) -> Option<Ve
 }
 
 #[test]
-fn modules_of_a_package_form_no_circle() {
+fn modules_of_a_package_have_no_circular_imports() {
     let mut circles = Vec::new();
     for package in packages() {
         let manifest = Path::new(text(&package["manifest_path"]));

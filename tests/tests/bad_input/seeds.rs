@@ -260,25 +260,15 @@ fn fmus(folder: &Path) {
         fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
     };
     let ours = file("fmus/slider.xml");
-    for (name, path) in [
-        (
-            "arrays.xml",
-            "third-party/reference-fmus/StateSpace/FMI3.xml",
-        ),
-        (
-            "types-2.xml",
-            "third-party/reference-fmus/Feedthrough/FMI2.xml",
-        ),
-        (
-            "types-3.xml",
-            "third-party/reference-fmus/Feedthrough/FMI3.xml",
-        ),
-        (
-            "state-2.xml",
-            "third-party/reference-fmus/VanDerPol/FMI2.xml",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("arrays.xml", "third-party/reference-fmus/StateSpace/FMI3.xml"),
+        ("types-2.xml", "third-party/reference-fmus/Feedthrough/FMI2.xml"),
+        ("types-3.xml", "third-party/reference-fmus/Feedthrough/FMI3.xml"),
+        ("state-2.xml", "third-party/reference-fmus/VanDerPol/FMI2.xml"),
         ("units.xml", "fmus/slider.xml"),
-    ] {
+    ];
+    for (name, path) in cases {
         write(&folder.join(name), &file(path));
     }
     let entries = |second: &str| {

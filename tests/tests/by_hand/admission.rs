@@ -57,45 +57,17 @@ fn no_other_process_is_admitted() {
     let mut wrong = token.clone();
     wrong["token"] = json!("0".repeat(64));
     let second = second_session(&rig);
-    for (attempt, line, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("nonsense", "hello".to_owned(), "not a request"),
-        (
-            "no token",
-            json!({"process": own}).to_string(),
-            "missing field `token`",
-        ),
-        (
-            "a wrong token",
-            entry(&wrong, own),
-            "the token is not that of the controller of this session",
-        ),
-        (
-            "the token of another session",
-            entry(&second, own),
-            "the token is not that of the controller of this session",
-        ),
-        (
-            "the name of another process",
-            entry(&token, ProcessId::of(1).expect("the first")),
-            "it claims to be process 1, but process",
-        ),
-        (
-            "a process of before",
-            entry(
-                &token,
-                ProcessId {
-                    start_ticks: own.start_ticks + 1,
-                    ..own
-                },
-            ),
-            "it claims to be process",
-        ),
-        (
-            "another program with the right token",
-            entry(&token, own),
-            ": start that program, or name yours with --controller-bin",
-        ),
-    ] {
+        ("no token", json!({"process": own}).to_string(), "missing field `token`"),
+        ("a wrong token", entry(&wrong, own), "the token is not that of the controller of this session"),
+        ("the token of another session", entry(&second, own), "the token is not that of the controller of this session"),
+        ("the name of another process", entry(&token, ProcessId::of(1).expect("the first")), "it claims to be process 1, but process"),
+        ("a process of before", entry(&token, ProcessId { start_ticks: own.start_ticks + 1,..own }), "it claims to be process"),
+        ("another program with the right token", entry(&token, own), ": start that program, or name yours with --controller-bin"),
+    ];
+    for (attempt, line, expected) in cases {
         let answer = asked(&folder, &line);
         assert!(
             answer.contains("refused") && answer.contains(expected),
@@ -209,36 +181,17 @@ fn contradictory_options_are_refused_by_name() {
         script.display()
     );
     let other = "scenarios/severe-leakage.toml";
-    for (arguments, expected) in [
-        (
-            format!("{SCENARIO} --controller external --link in-process"),
-            "--controller external needs a process to start",
-        ),
-        (
-            format!("{SCENARIO} --plant external --target me@board"),
-            "--plant external works only for a side on this machine",
-        ),
-        (
-            format!("{SCENARIO} {other} --controller external"),
-            "--controller external requires a single run",
-        ),
-        (
-            format!("{SCENARIO} --controller external --repeat 2"),
-            "--controller external requires a single run",
-        ),
-        (
-            format!("{SCENARIO} --controller external --jobs 1"),
-            "--controller external requires a single run; omit --jobs",
-        ),
-        (
-            format!("{SCENARIO} --controller external --audit"),
-            "--audit starts both sides repeatedly",
-        ),
-        (
-            script,
-            "is a script, whose process is its interpreter and so cannot be identified",
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        (format!("{SCENARIO} --controller external --link in-process"), "--controller external needs a process to start"),
+        (format!("{SCENARIO} --plant external --target me@board"), "--plant external works only for a side on this machine"),
+        (format!("{SCENARIO} {other} --controller external"), "--controller external requires a single run"),
+        (format!("{SCENARIO} --controller external --repeat 2"), "--controller external requires a single run"),
+        (format!("{SCENARIO} --controller external --jobs 1"), "--controller external requires a single run; omit --jobs"),
+        (format!("{SCENARIO} --controller external --audit"), "--audit starts both sides repeatedly"),
+        (script, "is a script, whose process is its interpreter and so cannot be identified"),
+    ];
+    for (arguments, expected) in cases {
         rig.run(&arguments).expect(2).says(&[expected]);
     }
     // A session that awaits no side.

@@ -1,67 +1,64 @@
 //! Damaged or incomplete folders, and full disks: each is reported, with advice.
 
-use super::{STUDY, campaign, digest, planned, study, text};
+use super::{Planned, STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip, works};
 
 #[test]
 fn a_damaged_table_of_results_is_named_with_the_command_to_rewrite_it() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let expected = digest(&rig, &folder);
-    let mend = format!("hil campaign collect {} rewrites it", text(&folder));
+    let demo = Planned::completed(&rig);
+    let expected = demo.digest();
+    let mend = format!("hil campaign collect {} rewrites it", text(&demo));
     for name in ["results.parquet", "circumstances.parquet"] {
-        let table = folder.join(name);
+        let table = demo.join(name);
         let whole = std::fs::read(&table).expect("a table");
         let middle = whole.len() / 2;
         let mut flipped = whole.clone();
         flipped[middle] ^= 1;
         for damaged in [&flipped[..], &whole[..middle], b""] {
             std::fs::write(&table, damaged).expect("written");
-            let run = campaign(&rig, &["show", text(&folder)])
+            let run = demo
+                .on("show")
                 .expect(3)
                 .says(&[&format!("{name} is damaged"), &mend]);
             // The answers come from the shards, which are intact.
             assert!(run.stdout.contains(&expected), "{}", run.stdout);
         }
-        campaign(&rig, &["collect", text(&folder)]).expect(0);
-        let run = campaign(&rig, &["show", text(&folder)]).expect(0);
+        demo.on("collect").expect(0);
+        let run = demo.on("show").expect(0);
         assert!(!run.stderr.contains("parquet"), "{}", run.stderr);
     }
     // A missing table is not damage.
-    std::fs::remove_file(folder.join("results.parquet")).expect("removed");
-    campaign(&rig, &["show", text(&folder)]).expect(0);
+    std::fs::remove_file(demo.join("results.parquet")).expect("removed");
+    demo.on("show").expect(0);
 }
 
 #[test]
 fn a_damaged_manifest_is_named_and_loses_no_result() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let expected = digest(&rig, &folder);
-    let manifest = folder.join("manifest.json");
+    let demo = Planned::completed(&rig);
+    let expected = demo.digest();
+    let manifest = demo.join("manifest.json");
     let whole = std::fs::read_to_string(&manifest).expect("a manifest");
     let damaged = whole.replacen("\"schema\": 1", "\"schema\": 2", 1);
     assert_ne!(damaged, whole);
     std::fs::write(&manifest, damaged).expect("written");
     for verb in ["collect", "run", "show", "status"] {
-        campaign(&rig, &[verb, text(&folder)])
-            .expect(3)
-            .says(&["manifest.json is damaged"]);
+        demo.on(verb).expect(3).says(&["manifest.json is damaged"]);
     }
     std::fs::write(&manifest, whole).expect("written");
-    assert_eq!(digest(&rig, &folder), expected);
+    assert_eq!(demo.digest(), expected);
 }
 
 #[test]
 fn an_outdated_table_is_named() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["work", text(&folder), "--shards", "0-3"]).expect(0);
-    campaign(&rig, &["collect", text(&folder), "--partial"]).expect(3);
-    campaign(&rig, &["work", text(&folder)]).expect(0);
-    campaign(&rig, &["show", text(&folder)]).expect(0).says(&[
+    let demo = Planned::demo(&rig);
+    demo.on("work --shards 0-3").expect(0);
+    demo.on("collect --partial").expect(3);
+    demo.on("work").expect(0);
+    demo.on("show").expect(0).says(&[
         "results.parquet is older than the latest results",
         "hil campaign collect",
     ]);
@@ -72,7 +69,7 @@ fn a_changed_study_is_refused_wherever_its_goals_matter() {
     let rig = Rig::new();
     let goal = format!("{STUDY}\n[[goals]]\nvariant = \"pid\"\nprobability = 0.99\n");
     let folder = planned(&rig, &study(&rig, &goal), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(1);
+    folder.on("run").expect(1);
     let study = folder.join("study.toml");
     let planned = std::fs::read_to_string(&study).expect("a study");
     std::fs::write(&study, planned.replace("0.99", "0.5")).expect("written");
@@ -93,10 +90,9 @@ fn a_changed_study_is_refused_wherever_its_goals_matter() {
 #[test]
 fn a_missing_study_is_named_as_missing() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    std::fs::remove_file(folder.join("study.toml")).expect("removed");
-    let run = campaign(&rig, &["show", text(&folder)]).expect(2).says(&[
+    let demo = Planned::completed(&rig);
+    std::fs::remove_file(demo.join("study.toml")).expect("removed");
+    let run = demo.on("show").expect(2).says(&[
         "study.toml: No such file",
         "Restore the study",
         "BLAKE3",
@@ -107,13 +103,12 @@ fn a_missing_study_is_named_as_missing() {
 #[test]
 fn a_changed_or_removed_scenario_is_named_and_answers_are_unaffected() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let expected = digest(&rig, &folder);
-    let scenario = folder.join("scenario.toml");
+    let demo = Planned::completed(&rig);
+    let expected = demo.digest();
+    let scenario = demo.join("scenario.toml");
     let planned = std::fs::read_to_string(&scenario).expect("a scenario");
     std::fs::write(&scenario, format!("{planned}# edited\n")).expect("written");
-    let show = || campaign(&rig, &["show", text(&folder)]);
+    let show = || demo.on("show");
     let run = show()
         .expect(3)
         .says(&["scenario.toml has hash", "as planned"]);
@@ -127,11 +122,11 @@ fn a_changed_or_removed_scenario_is_named_and_answers_are_unaffected() {
 #[test]
 fn a_truncated_foreign_or_missing_table_of_cases_is_named_and_rewritten() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    let demo = Planned::demo(&rig);
     let other = STUDY.replace("seed = 3", "seed = 4");
     let other = planned(&rig, &study(&rig, &other), "other");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let table = folder.join("cases.parquet");
+    demo.on("run").expect(0);
+    let table = demo.join("cases.parquet");
     let whole = std::fs::read(&table).expect("a table");
     let foreign = std::fs::read(other.join("cases.parquet")).expect("a table");
     for (bytes, why) in [
@@ -146,29 +141,24 @@ fn a_truncated_foreign_or_missing_table_of_cases_is_named_and_rewritten() {
             Some(bytes) => std::fs::write(&table, bytes).expect("written"),
             None => std::fs::remove_file(&table).expect("removed"),
         }
-        let anew = format!("hil campaign collect {} rewrites it", text(&folder));
-        campaign(&rig, &["show", text(&folder)])
-            .expect(3)
-            .says(&[why, &anew]);
-        campaign(&rig, &["case", text(&folder), "3", "--show"])
-            .expect(2)
-            .says(&[why]);
-        campaign(&rig, &["collect", text(&folder)])
+        let anew = format!("hil campaign collect {} rewrites it", text(&demo));
+        demo.on("show").expect(3).says(&[why, &anew]);
+        demo.on("case 3 --show").expect(2).says(&[why]);
+        demo.on("collect")
             .expect(0)
             .says(&[why, "it will be rewritten"]);
         assert_eq!(std::fs::read(&table).expect("a table"), whole);
-        campaign(&rig, &["show", text(&folder)]).expect(0);
+        demo.on("show").expect(0);
     }
 }
 
 #[test]
 fn the_cases_of_a_damaged_shard_are_not_published() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
-    let status = || campaign(&rig, &["status", text(&folder), "--json"]);
+    let demo = Planned::completed(&rig);
+    let status = || demo.on("status --json");
     let before = status().expect(0).json();
-    let part = folder.join("shards/00000001/part.parquet");
+    let part = demo.join("shards/00000001/part.parquet");
     let mut bytes = std::fs::read(&part).expect("a part");
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
@@ -182,10 +172,10 @@ fn the_cases_of_a_damaged_shard_are_not_published() {
     );
     assert_ne!(*missing, 0, "{after}");
     assert_eq!(after["shards_damaged"]["1"], "its checksum does not match");
-    campaign(&rig, &["status", text(&folder)])
+    demo.on("status")
         .expect(3)
         .prints(&["shard 1: its checksum does not match", "hil campaign run"]);
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    demo.on("run").expect(0);
     assert_eq!(status().expect(0).json()["published"], 60);
 }
 

@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use super::{STUDY, campaign, digest, planned, study, text};
+use super::{STUDY, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{shipped, skip};
 
@@ -20,9 +20,9 @@ fn line(part: &str) -> String {
 fn digests(rig: &Rig, run: impl FnOnce(&str)) -> [String; 2] {
     let study = study(rig, STUDY);
     let [one, other] = ["one", "with space"].map(|name| planned(rig, &study, name));
-    campaign(rig, &["run", text(&one), "--jobs", "1"]).expect(0);
+    one.on("run --jobs 1").expect(0);
     run(text(&other));
-    [one, other].map(|folder| digest(rig, &folder))
+    [one, other].map(|folder| folder.digest())
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::{STUDY, campaign, digest, planned, study, text};
+use super::{Planned, STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 
 #[test]
@@ -16,26 +16,25 @@ fn a_grown_campaign_has_the_digest_of_one_planned_at_that_size() {
             )
         };
         let large = planned(&rig, &study(&rig, &of(50)), &format!("large-{sampling}"));
-        campaign(&rig, &["run", text(&large)]).expect(0);
+        large.on("run").expect(0);
         let small = planned(&rig, &study(&rig, &of(33)), &format!("small-{sampling}"));
-        campaign(&rig, &["run", text(&small)]).expect(0);
+        small.on("run").expect(0);
         let parts = super::below(&small.join("shards"));
         // The second growth happens before the cases of the first have run.
         for cases in ["40", "50"] {
             campaign(&rig, &["grow", text(&small), "--cases", cases]).expect(0);
         }
-        let status = campaign(&rig, &["status", text(&small), "--json"])
-            .expect(0)
-            .json();
+        let status = small.on("status --json").expect(0).json();
         assert_eq!(
             (&status["cases"], &status["published"]),
             (&100.into(), &66.into())
         );
-        campaign(&rig, &["show", text(&small)])
+        small
+            .on("show")
             .expect(3)
             .says(&["34 of 100 cases have no result"]);
-        campaign(&rig, &["run", text(&small)]).expect(0);
-        assert_eq!(digest(&rig, &small), digest(&rig, &large));
+        small.on("run").expect(0);
+        assert_eq!(small.digest(), large.digest());
         let after = super::below(&small.join("shards"));
         assert!(parts.iter().all(|part| after.contains(part)));
         let [of_small, of_large] = [&small, &large].map(|folder| super::page::data(&rig, folder));
@@ -115,7 +114,8 @@ fn an_invalid_new_case_is_reported_before_anything_is_written() {
         .replace("min = 0.2\nmax = 3.0\n", "");
     let folder = planned(&rig, &study(&rig, &wide), "wide");
     let before = super::below(&folder);
-    campaign(&rig, &["grow", text(&folder), "--cases", "100000"])
+    folder
+        .on("grow --cases 100000")
         .expect(2)
         .says(&["mass_kg", "in case "]);
     let after = super::below(&folder);
@@ -145,7 +145,7 @@ fn integer_keys_vary_by_integer_distributions() {
         "set `whole = true` in its [[vary]] to draw whole numbers",
     ]);
     let folder = planned(&rig, &study(&rig, &of("whole = true\n")), "whole");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    folder.on("run").expect(0);
     let mut seen: Vec<u64> = (0..12)
         .map(|draw| {
             let case = (2 * draw).to_string();
@@ -172,19 +172,25 @@ fn integer_keys_vary_by_integer_distributions() {
 fn folders_with_spaces_are_quoted_in_every_hint() {
     let rig = Rig::new();
     let path = study(&rig, STUDY);
-    let folder = rig.path("my study");
+    let folder = Planned {
+        rig: &rig,
+        folder: rig.path("my study"),
+    };
     let quoted = format!("'{}'", text(&folder));
     let plan = ["plan", text(&path), "-o", text(&folder)];
     let run = format!("hil campaign run {quoted}");
     campaign(&rig, &plan).expect(0).prints(&[&run]);
     campaign(&rig, &plan).expect(2).says(&[&run]);
-    campaign(&rig, &["show", text(&folder)])
+    folder
+        .on("show")
         .expect(3)
         .says(&[&format!("{run} computes them")]);
-    campaign(&rig, &["status", text(&folder)])
+    folder
+        .on("status")
         .expect(0)
         .prints(&[&format!("{run} continues")]);
-    campaign(&rig, &["run", text(&folder)])
+    folder
+        .on("run")
         .expect(0)
         .prints(&[&format!("hil campaign case {quoted} ")]);
 }

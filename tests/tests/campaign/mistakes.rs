@@ -1,23 +1,16 @@
 //! Mistakes in a study or a folder: reported with their location, without any loss.
 
-use super::{STUDY, campaign, digest, planned, study, text};
+use super::{Planned, STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::shipped;
 
 #[test]
 fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
     let rig = Rig::new();
-    for (from, to, expected) in [
-        (
-            "cases = 30",
-            "casse = 30",
-            vec!["nearest: `cases`", "demo.toml:4:1"],
-        ),
-        (
-            "SCENARIO",
-            "nowhere.toml",
-            vec!["the scenario cannot be read", "nowhere.toml"],
-        ),
+    #[rustfmt::skip] // a table
+    let rows = [
+        ("cases = 30", "casse = 30", vec!["nearest: `cases`", "demo.toml:4:1"]),
+        ("SCENARIO", "nowhere.toml", vec!["the scenario cannot be read", "nowhere.toml"]),
         (
             "key = \"plant.parameters.mass_kg\"",
             "name = \"mass_kg\"\nkey = \"plant.parameters.mas_kg\"",
@@ -36,16 +29,8 @@ fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
                 "demo.toml:9:7",
             ],
         ),
-        (
-            "set = [\"controller.law=hold\"]",
-            "set = [\"controller.law=holt\"]",
-            vec!["nearest: `hold`", "a case has controller.law=holt"],
-        ),
-        (
-            "set = [\"plant.substeps=4\"]",
-            "set = [\"run.clock=paced\"]",
-            vec!["run.clock = \"paced\"", "lockstep"],
-        ),
+        ("set = [\"controller.law=hold\"]", "set = [\"controller.law=holt\"]", vec!["nearest: `hold`", "a case has controller.law=holt"]),
+        ("set = [\"plant.substeps=4\"]", "set = [\"run.clock=paced\"]", vec!["run.clock = \"paced\"", "lockstep"]),
         (
             "set = [\"plant.substeps=4\"]",
             "set = [\"plant.parameters.mass_kg=3\"]",
@@ -68,12 +53,9 @@ fn a_mistake_in_a_study_is_reported_at_its_location_with_the_nearest_name() {
                 "demo.toml:31:15",
             ],
         ),
-        (
-            "[[variants]]\nname = \"hold\"",
-            "[[variants]]\nname = \"pid\"",
-            vec!["no name twice"],
-        ),
-    ] {
+        ("[[variants]]\nname = \"hold\"", "[[variants]]\nname = \"pid\"", vec!["no name twice"]),
+    ];
+    for (from, to, expected) in rows {
         let wrong = STUDY.replace(from, to);
         assert_ne!(wrong, STUDY, "{from}");
         let path = study(&rig, &wrong);
@@ -121,7 +103,8 @@ fn a_folder_of_another_campaign_or_of_anything_else_is_refused() {
         .expect(2)
         .says(&["is not a campaign folder", "hil campaign plan"]);
     std::fs::write(folder.join("scenario.toml"), "schema = 1").expect("written");
-    campaign(&rig, &["run", text(&folder)])
+    folder
+        .on("run")
         .expect(2)
         .says(&["scenario.toml has hash", "the campaign was planned with"]);
 }
@@ -144,70 +127,59 @@ fn the_folder_contains_copies_of_all_inputs() {
     );
     let one = planned(&rig, &path, "one");
     let two = planned(&rig, &path, "two");
-    campaign(&rig, &["run", text(&one)]).expect(0);
+    one.on("run").expect(0);
     // The original files are removed.
     for path in [&own, &path, &rig.path("points.csv")] {
         std::fs::remove_file(path).expect("removed");
     }
-    campaign(&rig, &["run", text(&two)]).expect(0);
-    assert_eq!(digest(&rig, &one), digest(&rig, &two));
+    two.on("run").expect(0);
+    assert_eq!(one.digest(), two.digest());
 }
 
 #[test]
 fn an_unwritable_folder_is_an_error_and_nothing_is_lost() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["work", text(&folder), "--shards", "0"]).expect(0);
+    let demo = Planned::demo(&rig);
+    demo.on("work --shards 0").expect(0);
     // A file in the way blocks even users whom no mode blocks.
-    let shard = folder.join("shards/00000001");
+    let shard = demo.join("shards/00000001");
     std::fs::write(&shard, "").expect("written");
-    campaign(&rig, &["run", text(&folder)])
+    demo.on("run")
         .expect(3)
         .says(&["cannot work on", "existing results are kept"]);
     std::fs::remove_file(&shard).expect("removed");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    demo.on("run").expect(0);
 }
 
 #[test]
 fn unwritable_tables_point_to_the_command_that_writes_none() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let demo = Planned::completed(&rig);
     // A folder in the way blocks even users whom no mode blocks.
-    let results = folder.join("results.parquet");
+    let results = demo.join("results.parquet");
     std::fs::remove_file(&results).expect("removed");
     std::fs::create_dir(&results).expect("a folder");
     for verb in ["run", "collect"] {
-        let expected = format!("hil campaign show {} reads them", text(&folder));
-        campaign(&rig, &[verb, text(&folder)])
+        let expected = format!("hil campaign show {} reads them", text(&demo));
+        demo.on(verb)
             .expect(3)
             .says(&["cannot join the results", &expected]);
     }
-    campaign(&rig, &["show", text(&folder)]).expect(0);
+    demo.on("show").expect(0);
 }
 
 #[test]
 fn wrong_arguments_are_refused_with_the_reason() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    for (arguments, expected) in [
-        (
-            vec!["case", text(&folder), "60"],
-            "there is no case 60; the campaign has 60, counted from 0",
-        ),
-        (
-            vec!["work", text(&folder), "--shards", "x"],
-            "expected numbers and ranges, for example 0-9,12",
-        ),
-        (
-            vec!["work", text(&folder), "--shards", "1000"],
-            "there is no shard 1000",
-        ),
-        (
-            vec!["work", text(&folder), "--task", "3/3"],
-            "for example 0/16",
-        ),
-    ] {
+    let demo = Planned::demo(&rig);
+    #[rustfmt::skip] // a table
+    let cases = [
+        (vec!["case", text(&demo), "60"], "there is no case 60; the campaign has 60, counted from 0"),
+        (vec!["work", text(&demo), "--shards", "x"], "expected numbers and ranges, for example 0-9,12"),
+        (vec!["work", text(&demo), "--shards", "1000"], "there is no shard 1000"),
+        (vec!["work", text(&demo), "--task", "3/3"], "for example 0/16"),
+    ];
+    for (arguments, expected) in cases {
         campaign(&rig, &arguments).expect(2).says(&[expected]);
     }
 }
@@ -216,9 +188,9 @@ fn wrong_arguments_are_refused_with_the_reason() {
 fn workers_that_exit_normally_without_results_are_an_error_and_not_restarted_forever() {
     for code in [0, 1] {
         let rig = Rig::new();
-        let folder = planned(&rig, &study(&rig, STUDY), "demo");
-        campaign(&rig, &["work", text(&folder), "--shards", "0"]).expect(0);
-        let (hil, manifest) = (folder.join("programs/hil"), folder.join("manifest.json"));
+        let demo = Planned::demo(&rig);
+        demo.on("work --shards 0").expect(0);
+        let (hil, manifest) = (demo.join("programs/hil"), demo.join("manifest.json"));
         let real = std::fs::read(&hil).expect("a program");
         let planned = std::fs::read_to_string(&manifest).expect("a manifest");
         let idle = format!("#!/bin/sh\nexit {code}\n");
@@ -227,13 +199,13 @@ fn workers_that_exit_normally_without_results_are_an_error_and_not_restarted_for
         other["hil"]["blake3"] = blake3::hash(idle.as_bytes()).to_hex().to_string().into();
         other.as_object_mut().expect("an object").remove("blake3");
         std::fs::write(&manifest, other.to_string()).expect("written");
-        campaign(&rig, &["run", text(&folder)]).expect(3).says(&[
+        demo.on("run").expect(3).says(&[
             "computed nothing",
             "programs/hil",
             "existing results are kept",
         ]);
         std::fs::write(&hil, real).expect("written");
         std::fs::write(&manifest, planned).expect("written");
-        campaign(&rig, &["run", text(&folder)]).expect(0);
+        demo.on("run").expect(0);
     }
 }

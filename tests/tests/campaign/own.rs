@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{STUDY, campaign, digest, planned, study, text};
+use super::{Planned, STUDY, campaign, planned, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, program_of_tests};
 
@@ -29,44 +29,33 @@ fn twelve(rig: &Rig, model: &str, more: &str) -> PathBuf {
 }
 
 /// Plans a campaign with these programs.
-fn with_programs(rig: &Rig, name: &str, plant: &str) -> PathBuf {
+fn with_programs<'r>(rig: &'r Rig, name: &str, plant: &str) -> Planned<'r> {
     let study = study(rig, &format!("fresh_processes = true\n{}", short()));
     with_plant(rig, name, &study, plant)
 }
 
-fn with_plant(rig: &Rig, name: &str, study: &Path, plant: &str) -> PathBuf {
+fn with_plant<'r>(rig: &'r Rig, name: &str, study: &Path, plant: &str) -> Planned<'r> {
     let folder = rig.path(name);
     let controller = program("controller-process");
-    campaign(
-        rig,
-        &[
-            "plan",
-            text(study),
-            "-o",
-            text(&folder),
-            "--plant-bin",
-            plant,
-            "--controller-bin",
-            text(&controller),
-        ],
-    )
-    .expect(0);
-    folder
+    let plan = ["plan", text(study), "-o", text(&folder)];
+    let programs = ["--plant-bin", plant, "--controller-bin", text(&controller)];
+    campaign(rig, &[plan, programs].concat()).expect(0);
+    Planned { rig, folder }
 }
 
 #[test]
 fn user_programs_give_the_digest_of_one_process() {
     let rig = Rig::new();
     let built_in = planned(&rig, &study(&rig, &short()), "in");
-    campaign(&rig, &["run", text(&built_in)]).expect(0);
+    built_in.on("run").expect(0);
     let plant = program("plant-process");
     let kept = with_plant(&rig, "kept", &study(&rig, &short()), text(&plant));
     let fresh = with_programs(&rig, "fresh", text(&plant));
     let envelopes = super::page::data(&rig, &built_in)["envelopes"].clone();
     assert!(envelopes.is_object(), "{envelopes}");
     for own in [kept, fresh] {
-        campaign(&rig, &["run", text(&own)]).expect(0);
-        assert_eq!(digest(&rig, &own), digest(&rig, &built_in));
+        own.on("run").expect(0);
+        assert_eq!(own.digest(), built_in.digest());
         assert_eq!(super::page::data(&rig, &own)["envelopes"], envelopes);
     }
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
@@ -85,7 +74,7 @@ fn processes_are_reused_between_cases_unless_the_study_says_otherwise() {
     for (name, more, starts) in [("kept", "", 5), ("fresh", "fresh_processes = true", 12)] {
         let folder = with_plant(&rig, name, &twelve(&rig, "behaves", more), text(&plant));
         rig.write("starts", "");
-        campaign(&rig, &["run", text(&folder), "--jobs", "1"]).expect(0);
+        folder.on("run --jobs 1").expect(0);
         let counted = std::fs::read_to_string(rig.path("starts")).expect("written");
         assert_eq!(counted.lines().count(), starts, "{name}");
     }
@@ -96,11 +85,13 @@ fn a_plant_with_state_leaking_between_cases_is_detected_and_named() {
     let rig = Rig::new();
     let plant = program_of_tests("case-plant");
     let kept = with_plant(&rig, "kept", &twelve(&rig, "leaks", ""), text(&plant));
-    campaign(&rig, &["run", text(&kept), "--jobs", "1"])
-        .expect(1)
-        .says(&["case 1: digest is", "in new ones", "fresh_processes = true"]);
+    kept.on("run --jobs 1").expect(1).says(&[
+        "case 1: digest is",
+        "in new ones",
+        "fresh_processes = true",
+    ]);
     // The first case ran in new processes; the second was never counted.
-    let status = campaign(&rig, &["status", text(&kept), "--json"]).expect(1);
+    let status = kept.on("status --json").expect(1);
     let status = status.json();
     assert_eq!(
         (&status["published"], &status["begun"]),
@@ -109,7 +100,7 @@ fn a_plant_with_state_leaking_between_cases_is_detected_and_named() {
     assert_eq!(status["conflicts"][0]["case"], 1);
     let study = twelve(&rig, "leaks", "fresh_processes = true");
     let fresh = with_plant(&rig, "fresh", &study, text(&plant));
-    campaign(&rig, &["run", text(&fresh), "--jobs", "1"]).expect(0);
+    fresh.on("run --jobs 1").expect(0);
 }
 
 #[test]
@@ -118,7 +109,8 @@ fn a_case_that_kills_persistent_processes_is_set_aside_and_the_others_complete()
     let plant = program_of_tests("case-plant");
     let study = twelve(&rig, "dies", "");
     let folder = with_plant(&rig, "kept", &study, text(&plant));
-    let run = campaign(&rig, &["run", text(&folder), "--json"])
+    let run = folder
+        .on("run --json")
         .expect(3)
         .says(&["case 3 is set aside", "plant was killed by SIGABRT"]);
     let answers = run.json();
@@ -142,7 +134,7 @@ fn a_hanging_plant_is_ended_by_the_wait_limit_and_its_case_retried() {
     let plant = rig.script("hanging", &script);
     let folder = with_plant(&rig, "kept", &twelve(&rig, "hangs", ""), text(&plant));
     rig.write("flag", "");
-    let run = campaign(&rig, &["run", text(&folder), "--jobs", "1", "--json"]).expect(0);
+    let run = folder.on("run --jobs 1 --json").expect(0);
     assert!(!flag.exists(), "no case hung");
     assert_eq!(
         run.json()["variants"][0]["classes"],
@@ -171,7 +163,7 @@ fn a_death_between_two_cases_does_not_count_as_an_attempt_of_the_next() {
     for (deaths, code, classes) in [(2, 0, [12, 0, 0, 0, 0]), (3, 3, [11, 0, 0, 0, 1])] {
         let folder = with_plant(&rig, &format!("kept{deaths}"), &study, text(&plant));
         rig.write("deaths", &"once more\n".repeat(deaths));
-        let run = campaign(&rig, &["run", text(&folder), "--jobs", "1", "--json"]).expect(code);
+        let run = folder.on("run --jobs 1 --json").expect(code);
         assert!(run.stderr.contains("between two runs: "), "{}", run.stderr);
         let answers = run.json();
         assert_eq!(
@@ -199,19 +191,21 @@ fn a_retried_case_runs_without_the_others_of_its_shard() {
     let folder = with_plant(&rig, "kept", &study, text(&plant));
     // The first death precedes the first record of a persistent pair, and does not count as an attempt of the case.
     rig.write("deaths", &"once more\n".repeat(4));
-    campaign(&rig, &["run", text(&folder), "--jobs", "1"])
+    folder
+        .on("run --jobs 1")
         .expect(3)
         .says(&["case 3 is set aside"]);
     rig.write("starts", "");
-    campaign(&rig, &["run", text(&folder), "--jobs", "1", "--again"])
+    folder
+        .on("run --jobs 1 --again")
         .expect(0)
         .says(&["retrying 1 case"]);
     // A second case would have been repeated in new processes.
     let starts = std::fs::read_to_string(rig.path("starts")).expect("written");
     assert_eq!(starts.lines().count(), 1);
     let whole = with_plant(&rig, "whole", &study, text(&plant));
-    campaign(&rig, &["run", text(&whole)]).expect(0);
-    assert_eq!(digest(&rig, &folder), digest(&rig, &whole));
+    whole.on("run").expect(0);
+    assert_eq!(folder.digest(), whole.digest());
 }
 
 #[test]
@@ -222,7 +216,7 @@ fn rebuilding_a_program_does_not_affect_a_planned_campaign() {
     let folder = with_programs(&rig, "own", text(&plant));
     std::fs::remove_file(&plant).expect("removed");
     rig.script("plant", "#!/bin/sh\nexit 9\n");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    folder.on("run").expect(0);
 }
 
 #[test]
@@ -237,7 +231,7 @@ fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_continue()
     );
     let wrapper = rig.script("wrapper", &script);
     let folder = with_programs(&rig, "own", text(&wrapper));
-    let view = campaign(&rig, &["case", text(&folder), "2", "--show"]).expect(0);
+    let view = folder.on("case 2 --show").expect(0);
     let mass = view
         .stdout
         .lines()
@@ -247,7 +241,7 @@ fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_continue()
         .expect("a mass")
         .to_owned();
     rig.write("mass", &mass);
-    let run = campaign(&rig, &["run", text(&folder), "--json"]).expect(3);
+    let run = folder.on("run --json").expect(3);
     assert!(run.stderr.contains("case 2 is set aside"), "{}", run.stderr);
     assert!(
         run.stderr.contains("signal 9") || run.stderr.contains("SIGKILL"),
@@ -262,5 +256,5 @@ fn cases_that_kill_their_program_are_set_aside_by_name_and_the_others_continue()
     );
     // The cause of death is fixed.
     std::fs::remove_file(rig.path("mass")).expect("removed");
-    campaign(&rig, &["run", text(&folder), "--again"]).expect(0);
+    folder.on("run --again").expect(0);
 }

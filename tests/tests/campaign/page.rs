@@ -7,7 +7,7 @@ use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
-use super::{STUDY, campaign, digest, planned, study, text};
+use super::{Planned, STUDY, campaign, planned, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::{python, succeeds};
@@ -15,13 +15,12 @@ use crate::support::python::{python, succeeds};
 #[test]
 fn a_campaign_page_agrees_with_show_and_loads_nothing() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    let demo = Planned::completed(&rig);
     let page = rig.path("page.html");
-    rig.hil(&["report", text(&folder), "-o", text(&page)])
+    rig.hil(&["report", text(&demo), "-o", text(&page)])
         .expect(0);
     let page_text = std::fs::read_to_string(&page).expect("a page");
-    let digest = digest(&rig, &folder);
+    let digest = demo.digest();
     for expected in [
         &*digest,
         "default-src 'none'",
@@ -43,7 +42,7 @@ fn a_campaign_page_agrees_with_show_and_loads_nothing() {
     judge
         .arg(script)
         .arg(&page)
-        .arg(folder.join("results.parquet"))
+        .arg(demo.join("results.parquet"))
         .arg(chromium);
     let expected: Value = serde_json::from_str(&succeeds(&mut judge)).expect("JSON");
     assert_eq!(
@@ -77,7 +76,7 @@ fn envelopes_are_the_extremes_of_the_recordings_of_all_cases() {
     let study = STUDY.replace("cases = 30", "cases = 4");
     let study = study.split("[[variants]]").next().expect("a study");
     let folder = planned(&rig, &super::study(&rig, study), "demo");
-    campaign(&rig, &["run", text(&folder)]).expect(0);
+    folder.on("run").expect(0);
     let data = data(&rig, &folder);
     let envelopes = &data["envelopes"];
     let signals = envelopes["signals"].as_array().expect("signals");

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use rustix::process::geteuid;
 
-use super::{STUDY, campaign, planned, study, text};
+use super::{Planned, STUDY, campaign, study, text};
 use crate::support::harness::Rig;
 use crate::support::programs::{program, skip};
 
@@ -45,23 +45,23 @@ fn refused(rig: &Rig, folder: &Path, reason: &str) {
 #[test]
 fn no_command_runs_programs_that_others_can_write() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    let hil = folder.join("programs/hil");
+    let demo = Planned::demo(&rig);
+    let hil = demo.join("programs/hil");
     for (path, mode, reason) in [
         (&hil, 0o777, "programs/hil can be written by others"),
         (
-            &folder.join("programs"),
+            &demo.join("programs"),
             0o777,
             "programs can be written by others",
         ),
-        (&folder, 0o777, "demo can be written by others"),
+        (&demo.folder, 0o777, "demo can be written by others"),
         (
-            &folder.join("manifest.json"),
+            &demo.join("manifest.json"),
             0o666,
             "manifest.json can be written by others",
         ),
         (
-            &folder.join("scenario.toml"),
+            &demo.join("scenario.toml"),
             0o666,
             "scenario.toml can be written by others",
         ),
@@ -69,22 +69,22 @@ fn no_command_runs_programs_that_others_can_write() {
     ] {
         let before = std::fs::metadata(path).expect("there").permissions().mode();
         set(path, mode);
-        refused(&rig, &folder, reason);
+        refused(&rig, &demo, reason);
         set(path, before);
     }
-    campaign(&rig, &["work", text(&folder), "--shards", "0"]).expect(0);
+    demo.on("work --shards 0").expect(0);
 }
 
 #[test]
 fn a_link_to_a_program_that_others_can_write_is_not_followed() {
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
-    let (open, hil) = (rig.path("open"), folder.join("programs/hil"));
+    let demo = Planned::demo(&rig);
+    let (open, hil) = (rig.path("open"), demo.join("programs/hil"));
     std::fs::create_dir(&open).expect("a folder");
     std::fs::rename(&hil, open.join("hil")).expect("moved");
     symlink(open.join("hil"), &hil).expect("a link");
     set(&open, 0o777);
-    refused(&rig, &folder, "open can be written by others");
+    refused(&rig, &demo, "open can be written by others");
 }
 
 #[test]
@@ -93,15 +93,15 @@ fn the_folder_of_another_user_is_not_run_until_it_is_copied() {
         return skip("only root gives a folder away", "HIL_TEST_ROOT");
     }
     let rig = Rig::new();
-    let folder = planned(&rig, &study(&rig, STUDY), "demo");
+    let demo = Planned::demo(&rig);
     // As prepared by a user who wants others to run it: every hash is right.
     let script = rig.script(
         "script",
         &format!("#!/bin/sh\ntouch '{}'\n", text(&rig.path("ran"))),
     );
-    let hil = folder.join("programs/hil");
+    let hil = demo.join("programs/hil");
     std::fs::copy(&script, &hil).expect("copied");
-    let manifest = folder.join("manifest.json");
+    let manifest = demo.join("manifest.json");
     let old = std::fs::read_to_string(&manifest).expect("a manifest");
     let old: serde_json::Value = serde_json::from_str(&old).expect("JSON");
     let hash = blake3::hash(&std::fs::read(&hil).expect("a program")).to_hex();
@@ -109,18 +109,22 @@ fn the_folder_of_another_user_is_not_run_until_it_is_copied() {
     new["hil"]["blake3"] = hash.to_string().into();
     new.as_object_mut().expect("an object").remove("blake3");
     std::fs::write(&manifest, new.to_string()).expect("written");
-    for path in [&hil, &folder.join("programs"), &manifest, &folder] {
+    for path in [&hil, &demo.join("programs"), &manifest, &demo.folder] {
         chown(path, Some(ANOTHER), None).expect("as root");
     }
-    refused(&rig, &folder, "belongs to another user (12345)");
+    refused(&rig, &demo, "belongs to another user (12345)");
     // A copy belongs to the user, as does the decision.
     let copy = rig.path("copy");
     let copied = std::process::Command::new("cp")
         .arg("-r")
-        .args([&folder, &copy])
+        .args([&demo.folder, &copy])
         .status();
     assert!(copied.expect("cp runs").success());
-    campaign(&rig, &["work", text(&copy)]).expect(0);
+    let copy = Planned {
+        rig: &rig,
+        folder: copy,
+    };
+    copy.on("work").expect(0);
     assert!(rig.path("ran").exists());
 }
 

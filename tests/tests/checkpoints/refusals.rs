@@ -15,48 +15,26 @@ fn contradictions_with_the_past_are_refused_and_named() {
             "{SCENARIO} --checkpoint-at 1.05 --link in-process"
         ))
         .expect(0);
-    for (change, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         ("run.rate_hz=20000", "run.rate_hz must stay 10000"),
         ("run.seed=2", "run.seed must stay 1"),
-        (
-            "run.duration_s=1.02",
-            "run.duration_s ends the run at step 10200",
-        ),
+        ("run.duration_s=1.02", "run.duration_s ends the run at step 10200"),
         ("run.clock=realtime", "real time"),
         ("plant.model=spring-mass", ""),
         ("plant.substeps=5", "plant.substeps must stay"),
-        (
-            "plant.parameters.actuator1.piston_mass_kg=56",
-            "piston_mass_kg was 55 and must stay, but is 56",
-        ),
+        ("plant.parameters.actuator1.piston_mass_kg=56", "piston_mass_kg was 55 and must stay, but is 56"),
         ("controller.law=nrsc", "controller.law must stay"),
         ("controller.rate_hz=5000", "controller.rate_hz must stay"),
-        (
-            "controller.command_delay_steps=1",
-            "controller.command_delay_steps must stay",
-        ),
-        (
-            "controller.ftsc.trajectory.angle_gain_per_s=3",
-            "angle_gain_per_s was",
-        ),
-        (
-            "stimuli[0].amplitude=0.3",
-            "would already differ at step 0 ",
-        ),
-        (
-            "faults[0].at_s=1.2",
-            "has been active since step 10000 (1 s)",
-        ),
-        (
-            "faults[0].end_s=1.2",
-            "has been active since step 10000 (1 s)",
-        ),
-        (
-            "faults[0].effects[1].speed_per_s=2",
-            "has been active since step 10000 (1 s)",
-        ),
+        ("controller.command_delay_steps=1", "controller.command_delay_steps must stay"),
+        ("controller.ftsc.trajectory.angle_gain_per_s=3", "angle_gain_per_s was"),
+        ("stimuli[0].amplitude=0.3", "would already differ at step 0 "),
+        ("faults[0].at_s=1.2", "has been active since step 10000 (1 s)"),
+        ("faults[0].end_s=1.2", "has been active since step 10000 (1 s)"),
+        ("faults[0].effects[1].speed_per_s=2", "has been active since step 10000 (1 s)"),
         ("faults[0].effects[1].actuator=1", ""),
-    ] {
+    ];
+    for (change, expected) in cases {
         let refused = go_on(&rig, &run, 10_500, &format!("--set {change}"))
             .expect(2)
             .says(&[expected]);
@@ -86,38 +64,22 @@ fn impossible_requests_are_refused_before_anything_starts() {
     let stateless = format!("{MOVING}[controller]\nlaw = \"reads-clock\"\n");
     let stateless = rig.write("stateless.toml", &stateless);
     let (foreign, stateless) = (foreign.display(), stateless.display());
-    for (arguments, expected) in [
-        (
-            format!("{SCENARIO} --checkpoint-at 0"),
-            "not after the beginning of the run at 0 s",
-        ),
-        (
-            format!("{SCENARIO} --checkpoint-at 2"),
-            "not before the end of the run at 2 s",
-        ),
-        (
-            format!("{SCENARIO} --checkpoint-at soon"),
-            "is not a duration",
-        ),
-        (
-            format!("{SCENARIO} --checkpoint-at 1 --no-record"),
-            "omit --no-record",
-        ),
-        (
-            format!("{SCENARIO} --checkpoint-at 1 --clock realtime"),
-            "--clock lockstep or paced",
-        ),
-        (
-            format!("{SCENARIO} --checkpoint-at 1 --audit"),
-            "omit --checkpoint-at",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (format!("{SCENARIO} --checkpoint-at 0"), "not after the beginning of the run at 0 s"),
+        (format!("{SCENARIO} --checkpoint-at 2"), "not before the end of the run at 2 s"),
+        (format!("{SCENARIO} --checkpoint-at soon"), "is not a duration"),
+        (format!("{SCENARIO} --checkpoint-at 1 --no-record"), "omit --no-record"),
+        (format!("{SCENARIO} --checkpoint-at 1 --clock realtime"), "--clock lockstep or paced"),
+        (format!("{SCENARIO} --checkpoint-at 1 --audit"), "omit --checkpoint-at"),
         (format!("{SCENARIO} --from tests"), "cannot be used with"),
         ("--from tests".to_owned(), "tests is not a checkpoint"),
         (
             format!("{stateless} --controller-bin {foreign} --checkpoint-at 0.5"),
             "law `reads-clock` cannot save its state, so there can be no checkpoint; it needs `Controller::state`",
         ),
-    ] {
+    ];
+    for (arguments, expected) in cases {
         let refused = rig.run(&arguments).expect(2).says(&[expected]);
         assert!(!refused.folder.exists(), "{arguments}");
     }
@@ -187,39 +149,16 @@ fn a_damaged_checkpoint_is_refused_by_name() {
         let text = String::from_utf8(std::mem::take(bytes)).expect("text");
         *bytes = text.replace("\"schema\": 1", "\"schema\": 9").into_bytes();
     };
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "checkpoint-10500/plant.state",
-            shorter,
-            "plant.state is damaged",
-        ),
-        (
-            "checkpoint-10500/plant.state",
-            flipped,
-            "plant.state is damaged",
-        ),
-        (
-            "checkpoint-10500/controller.state",
-            flipped,
-            "controller.state is damaged",
-        ),
-        (
-            "checkpoint-10500/controller.state",
-            empty,
-            "controller.state is damaged",
-        ),
-        (
-            "checkpoint-10500/checkpoint.json",
-            shorter,
-            "checkpoint.json: ",
-        ),
+        ("checkpoint-10500/plant.state", shorter, "plant.state is damaged"),
+        ("checkpoint-10500/plant.state", flipped, "plant.state is damaged"),
+        ("checkpoint-10500/controller.state", flipped, "controller.state is damaged"),
+        ("checkpoint-10500/controller.state", empty, "controller.state is damaged"),
+        ("checkpoint-10500/checkpoint.json", shorter, "checkpoint.json: "),
         ("checkpoint-10500/checkpoint.json", replaced, "schema 9"),
         ("run.mcap", empty, "run.mcap"),
-        (
-            "run.mcap",
-            |bytes| bytes.truncate(bytes.len() / 3),
-            "10500 precede the checkpoint",
-        ),
+        ("run.mcap", |bytes| bytes.truncate(bytes.len() / 3), "10500 precede the checkpoint"),
     ];
     for (file, damage, expected) in cases {
         let folder = rig.path("damaged");

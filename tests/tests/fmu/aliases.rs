@@ -328,26 +328,16 @@ fn aliases_work_during_the_run_and_afterwards() {
             .collect();
         let own = ["plant.parameters.k", "reference.goal"];
         assert_eq!(keys, own.map(|key| (Some(key), None)));
-        for (typed, completed) in [
+        #[rustfmt::skip] // a table
+        let cases = [
             ("get --session SESSION truth.bod", "truth.body.x\n"),
-            (
-                "set --session SESSION plant.parameters.bod",
-                "plant.parameters.body.gain=\n",
-            ),
-            (
-                "set --session SESSION controller.accumulators.law",
-                "controller.accumulators.law.gain=\n",
-            ),
+            ("set --session SESSION plant.parameters.bod", "plant.parameters.body.gain=\n"),
+            ("set --session SESSION controller.accumulators.law", "controller.accumulators.law.gain=\n"),
             ("set --session SESSION reference.r", "reference.r=\n"),
-            (
-                "inject --session SESSION bias parameter.bod",
-                "parameter.body.gain\n",
-            ),
-            (
-                "inject --session SESSION bias command.bod",
-                "command.body.force\n",
-            ),
-        ] {
+            ("inject --session SESSION bias parameter.bod", "parameter.body.gain\n"),
+            ("inject --session SESSION bias command.bod", "command.body.force\n"),
+        ];
+        for (typed, completed) in cases {
             let mut hil = place.command();
             hil.env("HIL_COMPLETE", "bash");
             hil.env("HIL_COMPLETE_BREAKS", "=:");
@@ -431,7 +421,7 @@ fn aliases_work_during_the_run_and_afterwards() {
 }
 
 #[test]
-fn an_alias_of_an_output_is_asked_for_as_an_inner_signal() {
+fn an_alias_of_an_output_can_be_requested_as_an_inner_signal() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         let plant = [row("x", &["body.x"]), row("u", &[]), row("k", &[])];

@@ -59,7 +59,7 @@ fn an_fmu_that_exits_with_0_in_its_start_is_named_before_the_run() {
 }
 
 #[test]
-fn an_fmu_without_saved_states_is_named_by_what_it_does_not_declare() {
+fn an_fmu_that_cannot_save_its_state_is_reported_with_the_missing_capability() {
     let Some(place) = Place::new() else { return };
     let described = description("t", OUTPUT, "");
     place.fmu("odd.fmu", &fmu(described, &library(&[COUNTED])));
@@ -75,7 +75,7 @@ fn an_fmu_without_saved_states_is_named_by_what_it_does_not_declare() {
 }
 
 #[test]
-fn an_empty_message_is_no_reason_of_an_end() {
+fn an_empty_message_gives_no_reason_for_an_end() {
     let Some(place) = Place::new() else { return };
     let silent = description("say ", OUTPUT, "");
     place.fmu("odd.fmu", &fmu(silent, &library(&[COUNTED])));

@@ -144,61 +144,30 @@ fn unsupported_settings_of_an_fmu_are_refused_by_name() {
     for version in [2, 3] {
         let Some(place) = Place::new() else { return };
         place.fmu("starts.fmu", &starts(version, ""));
-        for (rest, fragment) in [
+        #[rustfmt::skip] // a table
+        let cases = [
             ("tolerance = 0\n", "plant.tolerance"),
             ("tolerance = \"fine\"\n", "plant.tolerance"),
-            (
-                "start_time_s = 2\nstop_time_s = 1\n",
-                "`stop_time_s` is 1, which is not after the start at 2",
-            ),
-            (
-                "[plant.initial]\nbody.y = 1\n",
-                "`initial.body.y` is not a variable of the FMU; nearest: `body.x`",
-            ),
-            (
-                "[plant.initial]\nbody.x = 6\n",
-                "`initial.body.x` is 6; expected -5 to 5",
-            ),
-            (
-                "[plant.initial]\nbody.x = \"big\"\n",
-                "plant.initial.body.x",
-            ),
+            ("start_time_s = 2\nstop_time_s = 1\n", "`stop_time_s` is 1, which is not after the start at 2"),
+            ("[plant.initial]\nbody.y = 1\n", "`initial.body.y` is not a variable of the FMU; nearest: `body.x`"),
+            ("[plant.initial]\nbody.x = 6\n", "`initial.body.x` is 6; expected -5 to 5"),
+            ("[plant.initial]\nbody.x = \"big\"\n", "plant.initial.body.x"),
             ("[plant.initial]\nat = 1\n", "is calculated by the FMU"),
-            (
-                "[plant.initial]\nbody.x = 1\n\"body.x\" = 2\n",
-                "is given twice",
-            ),
-            (
-                "[plant.texts]\nnames = \"a\"\n",
-                "`texts.names` is not a variable of the FMU; nearest: `name`",
-            ),
+            ("[plant.initial]\nbody.x = 1\n\"body.x\" = 2\n", "is given twice"),
+            ("[plant.texts]\nnames = \"a\"\n", "`texts.names` is not a variable of the FMU; nearest: `name`"),
             ("[plant.texts]\nname = 1\n", "plant.texts.name"),
-            (
-                "[plant.files]\ntable = \"none.csv\"\n",
-                "none.csv, which does not exist",
-            ),
-            (
-                "[plant.files]\nname = \"a\"\n[plant.texts]\nname = \"a\"\n",
-                "is given as a text and as a file",
-            ),
+            ("[plant.files]\ntable = \"none.csv\"\n", "none.csv, which does not exist"),
+            ("[plant.files]\nname = \"a\"\n[plant.texts]\nname = \"a\"\n", "is given as a text and as a file"),
             (
                 "[plant.texts]\nname = \"a\"\n\"its name\" = \"b\"\n",
                 "`texts.its name` is \"b\" and `texts.name` is \"a\", but both name the same variable",
             ),
-            (
-                "[plant.texts]\nits__name = \"a\"\n\"its name\" = \"b\"\n",
-                "but both name the same variable",
-            ),
-            (
-                "start_time_s = 2\nstop_time_s = 2.5\n",
-                "`stop_time_s` is 2.5, but a run of 2 s from the start at 2 lasts until 4",
-            ),
-            (
-                "[plant.structural]\nn = 2\n",
-                "`structural.n` is not a structural parameter of the FMU; it has none",
-            ),
+            ("[plant.texts]\nits__name = \"a\"\n\"its name\" = \"b\"\n", "but both name the same variable"),
+            ("start_time_s = 2\nstop_time_s = 2.5\n", "`stop_time_s` is 2.5, but a run of 2 s from the start at 2 lasts until 4"),
+            ("[plant.structural]\nn = 2\n", "`structural.n` is not a structural parameter of the FMU; it has none"),
             ("[plant.structural]\nn = -2\n", "plant.structural.n"),
-        ] {
+        ];
+        for (rest, fragment) in cases {
             place
                 .run(&starts_scenario(rest), "")
                 .expect(2)

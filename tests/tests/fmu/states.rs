@@ -108,41 +108,16 @@ fn fewer_steps_are_checked_if_the_run_ends_sooner() {
 
 #[test]
 fn a_restored_fmu_that_crashes_fails_or_hangs_is_reported_with_its_call() {
-    for (token, verdict, fragments) in [
-        (
-            "crash fmi2DeSerializeFMUstate",
-            "crashed",
-            &[
-                "before step 1: plant was killed by SIGSEGV",
-                "DeserializeFMUState",
-            ][..],
-        ),
-        (
-            "crash fmi2DoStep",
-            "crashed",
-            &["at step 3: plant was killed by SIGSEGV", "DoStep"],
-        ),
-        (
-            "address",
-            "crashed",
-            &["before step 1: plant was killed by SIGABRT"],
-        ),
-        (
-            "fail fmi2SetFMUstate",
-            "failed",
-            &["before step 1: ", "SetFMUState", "the mesh is gone"],
-        ),
-        (
-            "fail fmi2DoStep",
-            "failed",
-            &["after 2 exact steps: ", "the mesh is gone"],
-        ),
-        (
-            "hang fmi2DoStep",
-            "stuck",
-            &["got stuck at step 3: plant was stuck"],
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("crash fmi2DeSerializeFMUstate", "crashed", &["before step 1: plant was killed by SIGSEGV", "DeserializeFMUState"][..]),
+        ("crash fmi2DoStep", "crashed", &["at step 3: plant was killed by SIGSEGV", "DoStep"]),
+        ("address", "crashed", &["before step 1: plant was killed by SIGABRT"]),
+        ("fail fmi2SetFMUstate", "failed", &["before step 1: ", "SetFMUState", "the mesh is gone"]),
+        ("fail fmi2DoStep", "failed", &["after 2 exact steps: ", "the mesh is gone"]),
+        ("hang fmi2DoStep", "stuck", &["got stuck at step 3: plant was stuck"]),
+    ];
+    for (token, verdict, fragments) in cases {
         let Some(place) = Place::new() else { return };
         let limit = format!("--wait-limit {EXPIRES_S}");
         let run = run(&place, token, &[50], &limit).expect(0);

@@ -93,36 +93,17 @@ fn every_mistake_of_a_plant_in_c_is_named() {
     let rig = Rig::new();
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
     deed(&rig, "plant", &plant, 0).expect(0);
+    #[rustfmt::skip] // a table
     let deeds: [(u32, i32, &[&str]); 9] = [
         (1, 3, &["plant was killed by SIGSEGV", "SIGSEGV in measure"]),
         (2, 3, &["plant was killed by SIGABRT", "SIGABRT in measure"]),
         (3, 3, &["plant ended before the run was over"]),
         (4, 3, &["plant was stuck"]),
-        (
-            5,
-            1,
-            &["step 100", "measured x_m = NaN is not a finite number"],
-        ),
-        (
-            6,
-            1,
-            &["step 100", "measured x_m = NaN is not a finite number"],
-        ),
-        (
-            7,
-            1,
-            &["plant diverged at step 100 (0.1 s): the spring broke"],
-        ),
-        (
-            8,
-            3,
-            &["plant failed at step 100 (0.1 s): the table of the spring is gone"],
-        ),
-        (
-            9,
-            3,
-            &["plant failed at step 100 (0.1 s): `measure` returned 7 without a reason"],
-        ),
+        (5, 1, &["step 100", "measured x_m = NaN is not a finite number"]),
+        (6, 1, &["step 100", "measured x_m = NaN is not a finite number"]),
+        (7, 1, &["plant diverged at step 100 (0.1 s): the spring broke"]),
+        (8, 3, &["plant failed at step 100 (0.1 s): the table of the spring is gone"]),
+        (9, 3, &["plant failed at step 100 (0.1 s): `measure` returned 7 without a reason"]),
     ];
     for (number, code, fragments) in deeds {
         reason(deed(&rig, "plant", &plant, number), code, fragments);
@@ -167,43 +148,15 @@ fn every_mistake_of_a_controller_in_c_is_named() {
     let controller = rig.path("misbehaving-controller");
     std::fs::copy(plant, &controller).expect("copied");
     deed(&rig, "controller", &controller, 0).expect(0);
+    #[rustfmt::skip] // a table
     let deeds: [(u32, &[&str]); 7] = [
-        (
-            1,
-            &[
-                "step 100",
-                "controller was killed by SIGSEGV",
-                "SIGSEGV in step",
-            ],
-        ),
-        (
-            2,
-            &[
-                "step 100",
-                "controller was killed by SIGABRT",
-                "SIGABRT in step",
-            ],
-        ),
+        (1, &["step 100", "controller was killed by SIGSEGV", "SIGSEGV in step"]),
+        (2, &["step 100", "controller was killed by SIGABRT", "SIGABRT in step"]),
         (3, &["controller", "step 100"]),
         (4, &["controller did not answer step 100", "stuck"]),
-        (
-            5,
-            &["command of step 100", "u_n = NaN is not a finite number"],
-        ),
-        (
-            8,
-            &[
-                "controller",
-                "the law failed at step 100: the table of the spring is gone",
-            ],
-        ),
-        (
-            9,
-            &[
-                "controller",
-                "the law failed at step 100: `step` returned 7 without a reason",
-            ],
-        ),
+        (5, &["command of step 100", "u_n = NaN is not a finite number"]),
+        (8, &["controller", "the law failed at step 100: the table of the spring is gone"]),
+        (9, &["controller", "the law failed at step 100: `step` returned 7 without a reason"]),
     ];
     for (number, fragments) in deeds {
         reason(deed(&rig, "controller", &controller, number), 3, fragments);
@@ -217,48 +170,26 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
     }
     let rig = Rig::new();
     let plant = misbehaving(&rig, "misbehaving-plant", CLEAN);
-    for (mistake, message) in [
-        (
-            "twice",
-            "truth of plant `misbehaves`: `x_m` is defined twice",
-        ),
-        (
-            "unit",
-            "truth of plant `misbehaves`: `v_mps` has the invalid unit \"m]\"",
-        ),
-        (
-            "no-unit",
-            "truth of plant `misbehaves`: `v_mps` has no unit",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("twice", "truth of plant `misbehaves`: `x_m` is defined twice"),
+        ("unit", "truth of plant `misbehaves`: `v_mps` has the invalid unit \"m]\""),
+        ("no-unit", "truth of plant `misbehaves`: `v_mps` has no unit"),
         ("name", "truth of plant `misbehaves`: \"2 m\" is not a name"),
-        (
-            "null-name",
-            "the name of row 2 of `truth` is a null pointer",
-        ),
+        ("null-name", "the name of row 2 of `truth` is a null pointer"),
         ("null-rows", "`measured` has 1 rows at a null pointer"),
         ("callback", "the callback `advance` is missing"),
-        (
-            "range",
-            "`deed` has a range that begins above its end: 30 to 20",
-        ),
+        ("range", "`deed` has a range that begins above its end: 30 to 20"),
         ("default", "`deed` has the default 21, outside 0 to 20"),
         ("flags", "`deed` of `parameters` has unknown flags: 64"),
         ("api", "`api` is 99, but this library supports 1"),
         ("utf-8", "the summary of the plant is not UTF-8"),
-        (
-            "saving",
-            "`saved_size`, `save` and `restore` belong together",
-        ),
-        (
-            "text",
-            "measured of plant `misbehaves`: `x_m` has no description",
-        ),
+        ("saving", "`saved_size`, `save` and `restore` belong together"),
+        ("text", "measured of plant `misbehaves`: `x_m` has no description"),
         ("null", "hil_plant_main got a null pointer"),
-        (
-            "retune",
-            "the callback `retune` is missing, which applies `deed`",
-        ),
-    ] {
+        ("retune", "the callback `retune` is missing, which applies `deed`"),
+    ];
+    for (mistake, message) in cases {
         let mut command = rig.command(&plant);
         let output = command.arg("--describe").env("MISTAKE", mistake).output();
         let output = output.expect("it runs");

@@ -1,5 +1,7 @@
 //! Numbers alike on every page, in every table and on every terminal.
 
+use std::process::Command;
+
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use hil_console::terminal::duration::shown_ns;
@@ -9,7 +11,8 @@ use shared_types::number::{short, short_in};
 use super::browser::told;
 use super::page::Page;
 use crate::support::harness::Rig;
-use crate::support::programs::shipped;
+use crate::support::programs::{shipped, workspace};
+use crate::support::python::succeeds;
 
 /// Numbers at the limits of each rule, and halfway between two that are written.
 const NUMBERS: [f64; 30] = [
@@ -136,14 +139,21 @@ fn a_value_is_the_same_text_on_the_terminal_in_the_table_and_below_the_plot() {
         let cell = format!(">{text}<");
         assert!(page.text.contains(&cell), "{text} in the table");
     }
-    let look = "<script>addEventListener('load', () => setTimeout(() => {
+    // Once every plot is drawn, a key shows the values below it.
+    let look = "<script>addEventListener('load', () => {
+        const drawn = () => document.querySelectorAll('[data-drawn]').length === document.querySelectorAll('figure.plot').length;
         const figure = [...document.querySelectorAll('figure.plot')].find((one) => one.textContent.startsWith('constants'));
-        figure.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight', shiftKey: true }));
-        const box = document.createElement('pre');
-        box.id = 'told';
-        box.textContent = [...figure.querySelectorAll('.legend button .value')].map((one) => one.textContent).join(' ; ');
-        document.body.append(box);
-    }, 2000));</script>";
+        const values = () => [...figure.querySelectorAll('.legend button .value')].map((one) => one.textContent);
+        const look = () => {
+            if (drawn()) figure.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowRight', shiftKey: true }));
+            if (!drawn() || !values().every(Boolean)) return setTimeout(look, 50);
+            const box = document.createElement('pre');
+            box.id = 'told';
+            box.textContent = values().join(' ; ');
+            document.body.append(box);
+        };
+        look();
+    });</script>";
     let text = page.text.replacen("</body>", &format!("{look}</body>"), 1);
     let Some(text) = told(&rig, &text, 1280, false) else {
         return;
@@ -160,11 +170,14 @@ fn no_page_has_a_number_format_of_its_own() {
         .map(|(name, _)| name)
         .collect();
     assert!(shared.contains(&"number") && shared.contains(&"ticks"));
-    for script in [
-        "tools/views/src/report/assets/report.js",
-        "tools/views/src/panel/assets/panel.js",
-        "tools/campaign/src/command/report/assets/campaign.js",
-    ] {
+    let mut list = Command::new("git");
+    list.args(["ls-files", "tools/*.js"])
+        .current_dir(workspace());
+    let scripts = succeeds(&mut list);
+    let own = |script: &&str| !script.ends_with("/page.js") && !script.ends_with(".min.js");
+    let scripts: Vec<&str> = scripts.lines().filter(own).collect();
+    assert!(scripts.len() >= 3, "{scripts:?}");
+    for script in scripts {
         let text = shipped(script);
         for name in &shared {
             let own = ["const", "let", "class", "function"].map(|word| format!("{word} {name} "));

@@ -109,7 +109,7 @@ fn failed_contacts_are_counted_and_not_logged_individually() {
 }
 
 #[test]
-fn a_contact_during_a_session_learns_whose_session_it_is() {
+fn a_contact_during_a_session_is_told_who_owns_it() {
     let rig = Rig::new();
     let listening = Listening::start(&rig);
     let target = listening.target();

@@ -32,27 +32,17 @@ fn a_target_without_shared_memory_or_room_is_named_and_nothing_is_started() {
     let cache = |size: &str| {
         format!("mkdir -p $HOME/.cache; mount -t tmpfs -o size={size} none $HOME/.cache")
     };
-    for (mounts, expected) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         (device, "it has no /dev/shm"),
-        (
-            "mount -t tmpfs -o size=64k none /dev/shm",
-            "/dev/shm has only 0 MiB free, and a run needs at least 8",
-        ),
-        (
-            "mount -t tmpfs -o ro none /dev/shm",
-            "/dev/shm is read-only",
-        ),
-        (
-            "mount -t tmpfs -o nr_inodes=9 none /dev/shm",
-            "free inodes, and a run takes up to",
-        ),
-        (
-            "mkdir -p $HOME/.cache; mount -t tmpfs -o noexec none $HOME/.cache",
-            "Permission denied",
-        ),
+        ("mount -t tmpfs -o size=64k none /dev/shm", "/dev/shm has only 0 MiB free, and a run needs at least 8"),
+        ("mount -t tmpfs -o ro none /dev/shm", "/dev/shm is read-only"),
+        ("mount -t tmpfs -o nr_inodes=9 none /dev/shm", "free inodes, and a run takes up to"),
+        ("mkdir -p $HOME/.cache; mount -t tmpfs -o noexec none $HOME/.cache", "Permission denied"),
         (&cache("1m"), "the agent was not copied completely"),
         (&cache(&format!("{room}m")), "no room for a program of"),
-    ] {
+    ];
+    for (mounts, expected) in cases {
         let board = behind_mounts(&rig, mounts);
         let run = run(
             &rig,

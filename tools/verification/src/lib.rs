@@ -13,8 +13,6 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 pub mod arguments;
 pub mod baseline;
 pub mod compare;
-#[cfg(test)]
-mod damage;
 pub mod judge;
 pub mod repetition;
 pub mod replay;

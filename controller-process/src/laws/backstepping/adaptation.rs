@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn it_starts_at_the_smallest_possible_value() {
+    fn an_estimate_starts_at_its_smallest_possible_value() {
         let mut gains = gains();
         gains[1].estimate_min_m3ps_per_sqrt_pa = 2e-9;
         let estimate = LeakageEstimate::new(gains).expect("legal");

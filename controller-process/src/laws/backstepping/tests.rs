@@ -193,33 +193,17 @@ fn both_laws_answer_as_the_independent_reference() {
                 i.leakage_estimate2_m3ps_per_sqrt_pa,
             ]
         };
-        for (quantity, off) in [
+        #[rustfmt::skip] // a table
+        let cases = [
             ("u", deviation(pairs().map(|((c, _), w)| (u(c), w.u)))),
-            (
-                "V_3",
-                deviation(pairs().map(|((_, i), w)| ([i.lyapunov_v3], [w.v3]))),
-            ),
-            (
-                "V_r",
-                deviation(pairs().map(|((_, i), w)| ([i.lyapunov_bound], [w.vr]))),
-            ),
-            (
-                "z_1",
-                deviation(pairs().map(|((_, i), w)| ([i.z11, i.z12], w.z1))),
-            ),
-            (
-                "z_2",
-                deviation(pairs().map(|((_, i), w)| ([i.z21, i.z22], w.z2))),
-            ),
-            (
-                "z_3",
-                deviation(pairs().map(|((_, i), w)| ([i.z31, i.z32], w.z3))),
-            ),
-            (
-                "theta_hat",
-                deviation(pairs().map(|((_, i), w)| (theta_hat(i), w.theta_hat))),
-            ),
-        ] {
+            ("V_3", deviation(pairs().map(|((_, i), w)| ([i.lyapunov_v3], [w.v3])))),
+            ("V_r", deviation(pairs().map(|((_, i), w)| ([i.lyapunov_bound], [w.vr])))),
+            ("z_1", deviation(pairs().map(|((_, i), w)| ([i.z11, i.z12], w.z1)))),
+            ("z_2", deviation(pairs().map(|((_, i), w)| ([i.z21, i.z22], w.z2)))),
+            ("z_3", deviation(pairs().map(|((_, i), w)| ([i.z31, i.z32], w.z3)))),
+            ("theta_hat", deviation(pairs().map(|((_, i), w)| (theta_hat(i), w.theta_hat)))),
+        ];
+        for (quantity, off) in cases {
             assert!(off < 1e-10, "{}, {quantity}: {off:e}", sequence.name);
         }
     }

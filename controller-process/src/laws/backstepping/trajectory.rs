@@ -236,7 +236,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_surface_on_its_command_needs_the_force_of_its_own_motion() {
+    fn a_surface_that_follows_its_command_needs_exactly_the_force_of_its_motion() {
         // With y_1 = theta_r both errors vanish and x_r1 must be the f_1 that causes the motion.
         let generator = Trajectory::new(&uneven(), TrajectoryGains::default());
         let (theta, _, f_1) = motion(&generator, 0.2);

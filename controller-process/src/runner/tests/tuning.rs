@@ -1,5 +1,7 @@
 //! Parameters that change during a run.
 
+use std::sync::LazyLock;
+
 use shared_types::tuning::{Course, Tuned};
 
 use super::*;
@@ -84,18 +86,19 @@ impl Controller for Tunable {
 }
 
 /// A run of the law, with its plant's end driven by the test.
-struct Bench<'a> {
+struct Bench {
     plant: InProcessLink,
-    runner: Runner<'a, InProcessLink>,
+    runner: Runner<'static, InProcessLink>,
 }
 
-impl<'a> Bench<'a> {
-    fn new(kind: &'a LawKind, job: Job) -> Self {
+impl Bench {
+    fn new(rate_divisor: u32) -> Self {
+        static KIND: LazyLock<LawKind> = LazyLock::new(LawKind::of::<Tunable>);
         let job = Job {
             parameters: shared_types::describe::Settings::of(&Gains::default()),
-            ..job
+            ..job(rate_divisor, 0)
         };
-        let (mut plant, runner) = greeted(kind, job, |link| link);
+        let (mut plant, runner) = greeted(&KIND, job, |link| link);
         plant.receive_control().expect("a ready");
         Self { plant, runner }
     }
@@ -140,8 +143,7 @@ const fn course(from: f64, to: f64, begin: u64, steps: u64) -> Course {
 
 #[test]
 fn a_law_has_the_parameters_of_its_samples_step() {
-    let kind = LawKind::of::<Tunable>();
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     assert_eq!(bench.step(0, 0), [11.0, 0.0, 0.0, 0.0]);
     // A jump of one and a ramp of the other tunable parameter, at one step.
     bench.tell(
@@ -162,8 +164,7 @@ fn a_law_has_the_parameters_of_its_samples_step() {
 
 #[test]
 fn a_sample_waits_for_the_message_that_precedes_it() {
-    let kind = LawKind::of::<Tunable>();
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     bench.step(0, 0);
     bench.sample(1, 1, Directive::default());
     for _ in 0..3 {
@@ -180,8 +181,7 @@ fn a_sample_waits_for_the_message_that_precedes_it() {
 
 #[test]
 fn a_message_before_the_first_sample_waits_for_it() {
-    let kind = LawKind::of::<Tunable>();
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     bench.tell(1, &[(0, course(10.0, 20.0, 0, 0))]);
     for _ in 0..3 {
         assert_eq!(bench.answer(), None);
@@ -191,9 +191,8 @@ fn a_message_before_the_first_sample_waits_for_it() {
 
 #[test]
 fn a_law_that_missed_a_change_applies_it_at_its_next_sample() {
-    let kind = LawKind::of::<Tunable>();
     // A slow law: its samples are 0, 3, 6.
-    let mut bench = Bench::new(&kind, job(3, 0));
+    let mut bench = Bench::new(3);
     bench.step(0, 0);
     bench.tell(
         1,
@@ -203,7 +202,7 @@ fn a_law_that_missed_a_change_applies_it_at_its_next_sample() {
     assert_eq!(bench.step(2, 1), [11.0, 0.0, 0.0, 0.0]);
     assert_eq!(bench.step(3, 1), [21.0, 1.0, 1.0, 4.0]);
     // A law whose samples are ignored for a while.
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     bench.step(0, 0);
     bench.tell(1, &[(0, course(10.0, 20.0, 1, 0))]);
     let directive = Directive {
@@ -217,8 +216,7 @@ fn a_law_that_missed_a_change_applies_it_at_its_next_sample() {
 
 #[test]
 fn the_newest_of_lost_messages_counts_at_its_own_sample() {
-    let kind = LawKind::of::<Tunable>();
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     bench.step(0, 0);
     // The sample of number 2 is still there, its message is not: the next sample is answered.
     bench.sample(1, 2, Directive::default());
@@ -231,8 +229,7 @@ fn the_newest_of_lost_messages_counts_at_its_own_sample() {
 
 #[test]
 fn a_message_about_an_unknown_parameter_is_ignored() {
-    let kind = LawKind::of::<Tunable>();
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     bench.step(0, 0);
     bench.tell(1, &[(2, course(10.0, 20.0, 1, 0))]);
     bench.sample(1, 1, Directive::default());
@@ -243,8 +240,7 @@ fn a_message_about_an_unknown_parameter_is_ignored() {
 
 #[test]
 fn a_checkpoint_keeps_the_parameters_in_the_middle_of_a_ramp() {
-    let kind = LawKind::of::<Tunable>();
-    let mut bench = Bench::new(&kind, job(1, 0));
+    let mut bench = Bench::new(1);
     bench.tell(1, &[(0, course(10.0, 50.0, 0, 4))]);
     bench.step(0, 1);
     bench.step(1, 1);
@@ -256,7 +252,7 @@ fn a_checkpoint_keeps_the_parameters_in_the_middle_of_a_ramp() {
         .save()
         .expect("saves");
     let straight = [bench.step(2, 1), bench.step(3, 1), bench.step(4, 1)];
-    let mut other = Bench::new(&kind, job(1, 0));
+    let mut other = Bench::new(1);
     (other.runner.bound.as_mut().expect("bound").restore(saved)).expect("restores");
     let side = &mut other.runner.side;
     for step in 0..2 {

@@ -11,19 +11,12 @@ use super::*;
 
 #[test]
 fn a_diverged_plant_ends_at_the_step_with_the_signal_named() {
-    let limits = vec![Limit {
+    let mut job = job(9);
+    job.plant.limits = vec![Limit {
         signal: "position_m".into(),
         min: -1.5,
         max: 1.5,
     }];
-    let job = job(9);
-    let job = Job {
-        plant: PlantPlan {
-            limits,
-            ..job.plant
-        },
-        ..job
-    };
     let (mut engine, mut controller, mut source) = greeted(job);
     let end = run(&mut engine, &mut controller, 1.0);
     assert_eq!(end.kind(), Some(FrameKind::Abort));
@@ -66,22 +59,15 @@ fn a_nan_command_ends_the_run_and_is_named() {
 #[test]
 fn a_stop_informs_the_controller_and_keeps_the_records() {
     let (mut engine, mut controller, mut source) = greeted(job(9));
-    let mut sample = [0.0; 3];
     for step in 0..2 {
-        while engine.poll().expect("polls") == Progress::Busy {}
-        controller
-            .receive(&mut sample)
-            .expect("polls")
-            .expect("a sample");
+        frame(&mut engine, &mut controller);
         let answer = Header::new(FrameKind::Command, Step(step));
         controller.send(&answer, &[0.0; 3]).expect("sends");
         engine.poll().expect("polls");
     }
     engine.interrupt(&PlantEvent::Stop).expect("stops");
-    let abort = controller
-        .receive(&mut sample)
-        .expect("polls")
-        .expect("a frame");
+    let abort = controller.receive(&mut [0.0; 3]).expect("polls");
+    let abort = abort.expect("a frame");
     assert_eq!(AbortCode::from_wire(abort.directive), AbortCode::Stopped);
     assert_eq!(engine.poll().expect("polls"), Progress::Over);
     let (records, events) = published(&mut source);
@@ -91,22 +77,12 @@ fn a_stop_informs_the_controller_and_keeps_the_records() {
 
 #[test]
 fn an_incompatible_controller_is_refused_with_the_reason() {
-    let (link, mut controller) = pair();
-    let (sink, _source) = shared_types::stream::in_process::pair();
-    let mut engine = Engine::new(&kind(), &kinds::all(), job(3), link, sink).expect("starts");
+    let (mut engine, mut controller, _source) = started(&kind(), job(3));
     let hello = Hello {
         measured: vec![Field::signal("posiition_m", "m", "x")],
         ..Hello::new(5, "test")
     };
-    controller
-        .send_control(&Control::Hello(hello).to_bytes())
-        .expect("sends");
-    engine.poll().expect("polls");
-    let bytes = controller
-        .receive_control()
-        .expect("polls")
-        .expect("an answer");
-    let Ok(Control::Refusal { reason }) = Control::from_bytes(&bytes) else {
+    let Control::Refusal { reason } = greet(&mut engine, &mut controller, hello) else {
         panic!("no refusal");
     };
     assert!(
@@ -149,25 +125,10 @@ fn a_confirmation_sent_just_before_the_controllers_end_counts() {
     };
     let (sink, _source) = shared_types::stream::in_process::pair();
     let mut engine = Engine::new(&kind(), &kinds::all(), job(0), link, sink).expect("starts");
-    let hello = Hello::new(5, "test");
-    let say = |message: Control| {
-        let result = controller.borrow_mut().send_control(&message.to_bytes());
-        result.expect("sends");
-    };
-    say(Control::Hello(hello));
-    engine.poll().expect("polls");
-    let answer = controller.borrow_mut().receive_control();
-    let bytes = answer.expect("polls").expect("an answer");
-    let Ok(Control::Welcome(welcome)) = Control::from_bytes(&bytes) else {
-        panic!("no welcome");
-    };
-    let spec = FrameSpec {
-        identity: welcome.frame_identity(),
-        outgoing: 1,
-        incoming: 3,
-    };
-    controller.borrow_mut().open_frames(&spec).expect("opens");
-    say(Control::Ready { epoch: 1 });
+    let mut end = controller.borrow_mut();
+    let answer = greet(&mut engine, &mut end, Hello::new(5, "test"));
+    join(&mut end, answer, 1);
+    drop(end);
     let limit = WaitLimit::from_seconds(60.0);
     crate::program::drive(&mut engine, Waiter::new(limit), &supervision).expect("drives");
     let end = engine.end().expect("over");

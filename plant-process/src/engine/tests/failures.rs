@@ -71,28 +71,24 @@ fn end_of(kind: &PlantKind, steps: u64) -> (AbortCode, RunEnd, usize) {
 
 #[test]
 fn a_failure_in_any_call_ends_the_run_at_its_step_with_its_reason() {
+    let (diverged, lost) = (
+        Failure::diverged("the rod\nbroke"),
+        Failure::lost("the library is gone"),
+    );
+    let [broke, gone] = [
+        "plant diverged at step 2 (0.2 s): the rod broke",
+        "plant failed at step 2 (0.2 s): the library is gone",
+    ];
     for (call, records) in [("retune", 2), ("measure", 2), ("truth", 2), ("advance", 3)] {
-        let kind = fails(call, &Failure::diverged("the rod\nbroke"));
-        let (code, end, came) = end_of(&kind, 9);
-        let reason = "plant diverged at step 2 (0.2 s): the rod broke";
-        assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
-        let actual = (code, end.outcome, end.steps, came);
-        assert_eq!(
-            actual,
-            (AbortCode::Diverged, Outcome::Diverged, 2, records),
-            "{call}"
-        );
-
-        let kind = fails(call, &Failure::lost("the library is gone"));
-        let (code, end, came) = end_of(&kind, 9);
-        let reason = "plant failed at step 2 (0.2 s): the library is gone";
-        assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
-        let actual = (code, end.outcome, end.steps, came);
-        assert_eq!(
-            actual,
-            (AbortCode::Other, Outcome::Failed, 2, records),
-            "{call}"
-        );
+        for (failure, reason, code, outcome) in [
+            (&diverged, broke, AbortCode::Diverged, Outcome::Diverged),
+            (&lost, gone, AbortCode::Other, Outcome::Failed),
+        ] {
+            let (sent, end, count) = end_of(&fails(call, failure), 9);
+            assert_eq!(end.reason.as_deref(), Some(reason), "{call}");
+            let actual = (sent, end.outcome, end.steps, count);
+            assert_eq!(actual, (code, outcome, 2, records), "{call}");
+        }
     }
 }
 

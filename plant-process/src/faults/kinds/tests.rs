@@ -186,74 +186,25 @@ fn random_kinds_repeat_with_their_seed_and_differ_with_another() {
 #[test]
 fn inconsistent_parameters_are_refused_with_the_reason() {
     type Case<'a> = (&'a str, Parameters<'a>, &'a [f64], &'a str);
+    #[rustfmt::skip] // a table
     let cases: &[Case<'_>] = &[
         ("delay", &[("steps", 1.5)], &[], "`steps` is 1.5"),
         ("message-delay", &[("steps", 0.5)], &[], "`steps` is 0.5"),
         ("message-jitter", &[("steps", 2.5)], &[], "`steps` is 2.5"),
-        (
-            "message-duplication",
-            &[("lag_steps", 1.1)],
-            &[],
-            "`lag_steps`",
-        ),
+        ("message-duplication", &[("lag_steps", 1.1)], &[], "`lag_steps`"),
         ("message-corruption", &[("bits", 1.5)], &[], "`bits` is 1.5"),
         ("skip", &[("steps", 1.5)], &[], "`steps` is 1.5"),
-        (
-            "skip",
-            &[("steps", 1.0), ("burst", 1.5)],
-            &[],
-            "`burst` is 1.5",
-        ),
-        (
-            "skip",
-            &[("steps", 1.0), ("period_steps", 9.5)],
-            &[],
-            "`period_steps` is 9.5",
-        ),
-        (
-            "skip",
-            &[("steps", 2.0), ("burst", 2.0), ("period_steps", 5.0)],
-            &[],
-            "takes 6 steps",
-        ),
-        (
-            "spike",
-            &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.25)],
-            &[],
-            "never end",
-        ),
+        ("skip", &[("steps", 1.0), ("burst", 1.5)], &[], "`burst` is 1.5"),
+        ("skip", &[("steps", 1.0), ("period_steps", 9.5)], &[], "`period_steps` is 9.5"),
+        ("skip", &[("steps", 2.0), ("burst", 2.0), ("period_steps", 5.0)], &[], "takes 6 steps"),
+        ("spike", &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.25)], &[], "never end"),
         // Shorter in time, equal in steps.
-        (
-            "spike",
-            &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.2)],
-            &[],
-            "2 steps every 2 steps",
-        ),
-        (
-            "saturation",
-            &[("min", 1.0), ("max", 0.5)],
-            &[],
-            "above `max`",
-        ),
-        (
-            "sample-hold",
-            &[("every_steps", 1.5)],
-            &[],
-            "`every_steps` is 1.5",
-        ),
-        (
-            "sample-hold",
-            &[("every_steps", 3.0), ("phase_steps", 3.0)],
-            &[],
-            "`phase_steps` is 3",
-        ),
+        ("spike", &[("amplitude", 1.0), ("period_s", 0.25), ("width_s", 0.2)], &[], "2 steps every 2 steps"),
+        ("saturation", &[("min", 1.0), ("max", 0.5)], &[], "above `max`"),
+        ("sample-hold", &[("every_steps", 1.5)], &[], "`every_steps` is 1.5"),
+        ("sample-hold", &[("every_steps", 3.0), ("phase_steps", 3.0)], &[], "`phase_steps` is 3"),
         ("cross-coupling", &[], &[], "`cross` is missing"),
-        (
-            "cross-coupling",
-            &[],
-            &[5.0, 0.1],
-            "signal 5, but there are only the signals 1 to 4",
-        ),
+        ("cross-coupling", &[], &[5.0, 0.1], "signal 5, but there are only the signals 1 to 4"),
         ("cross-coupling", &[], &[0.0, 0.1], "signal 0"),
         ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
         (

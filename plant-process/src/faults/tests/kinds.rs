@@ -36,9 +36,11 @@ shared_types::table! {
     }
 }
 
-/// Declares a kind of fault with the parameter `by`, or without parameters.
-macro_rules! kind {
-    ($kind:ident, $name:literal, $acts_on:ident, $parameters:ident, $method:ident, $body:expr, $at:ty $(, $result:ty)?) => {
+/// Declares kinds of faults: a row has the type, its name, the class of its targets, its parameters, and the method in
+/// which it acts.
+macro_rules! kinds {
+    ($($kind:ident $name:literal $acts_on:ident $parameters:ident
+        $method:ident($this:pat_param, $at:pat_param, $what:ident: $type:ty) $(-> $result:ty)? $body:block)*) => {$(
         struct $kind($parameters, Option<RandomStream>);
 
         impl FaultKind for $kind {
@@ -56,164 +58,56 @@ macro_rules! kind {
                 self.1 = Some(random);
             }
 
-            fn $method(&mut self, at: &Moment, what: $at) $(-> $result)? {
-                let act: fn(&mut Self, &Moment, $at) $(-> $result)? = $body;
-                act(self, at, what)
+            fn $method(&mut self, $at: &Moment, $what: $type) $(-> $result)? {
+                let $this = self;
+                $body
             }
         }
-    };
+    )*};
 }
 
-kind!(
-    Plus,
-    "plus",
-    Numbers,
-    By,
-    number,
-    |this, at, x| {
-        Reading {
-            value: x.value + this.0.by * at.gain,
-            ..x
-        }
-    },
-    Reading,
-    Reading
-);
-kind!(
-    Times,
-    "times",
-    Numbers,
-    By,
-    number,
-    |this, _, x| {
-        Reading {
-            value: x.value * this.0.by,
-            ..x
-        }
-    },
-    Reading,
-    Reading
-);
-kind!(
-    Gone,
-    "gone",
-    Signals,
-    Empty,
-    number,
-    |_, at, x| {
-        Reading {
-            valid: x.valid && at.gain == 0.0,
-            ..x
-        }
-    },
-    Reading,
-    Reading
-);
-kind!(
-    Infinite,
-    "infinite",
-    Numbers,
-    Empty,
-    number,
-    |_, _, x| {
-        Reading {
-            value: f64::INFINITY,
-            ..x
-        }
-    },
-    Reading,
-    Reading
-);
-kind!(
-    NoNumber,
-    "no-number",
-    Numbers,
-    Empty,
-    number,
-    |_, _, x| {
-        Reading {
-            value: f64::NAN,
-            ..x
-        }
-    },
-    Reading,
-    Reading
-);
-kind!(
-    Dice,
-    "dice",
-    Signals,
-    Empty,
-    number,
-    |this, _, x| {
-        let drawn = this.1.as_mut().map_or(f64::NAN, RandomStream::uniform);
-        Reading { value: drawn, ..x }
-    },
-    Reading,
-    Reading
-);
-kind!(
-    Lost,
-    "lost",
-    Links,
-    Empty,
-    message,
-    |_, at, passage| {
+kinds! {
+    Plus "plus" Numbers By number(this, at, x: Reading) -> Reading {
+        Reading { value: x.value + this.0.by * at.gain, ..x }
+    }
+    Times "times" Numbers By number(this, _, x: Reading) -> Reading {
+        Reading { value: x.value * this.0.by, ..x }
+    }
+    Gone "gone" Signals Empty number(_, at, x: Reading) -> Reading {
+        Reading { valid: x.valid && at.gain == 0.0, ..x }
+    }
+    Infinite "infinite" Numbers Empty number(_, _, x: Reading) -> Reading {
+        Reading { value: f64::INFINITY, ..x }
+    }
+    NoNumber "no-number" Numbers Empty number(_, _, x: Reading) -> Reading {
+        Reading { value: f64::NAN, ..x }
+    }
+    Dice "dice" Signals Empty number(this, _, x: Reading) -> Reading {
+        Reading { value: this.1.as_mut().map_or(f64::NAN, RandomStream::uniform), ..x }
+    }
+    Lost "lost" Links Empty message(_, at, passage: &mut Passage) {
         if at.gain != 0.0 {
             passage.copies = [None; Passage::MOST_COPIES];
         }
-    },
-    &mut Passage
-);
-kind!(
-    Late,
-    "late",
-    Links,
-    By,
-    message,
-    |this, at, passage| {
+    }
+    Late "late" Links By message(this, at, passage: &mut Passage) {
         for copy in &mut passage.copies {
             *copy = copy.map(|late| late + (this.0.by * at.gain) as u32);
         }
-    },
-    &mut Passage
-);
-kind!(
-    Broken,
-    "broken",
-    Links,
-    Empty,
-    message,
-    |_, at, passage| {
+    }
+    Broken "broken" Links Empty message(_, at, passage: &mut Passage) {
         if at.gain != 0.0 {
             passage.flips[passage.flipped] = passage.bits - 1;
             passage.flipped += 1;
         }
-    },
-    &mut Passage
-);
-kind!(
-    Busy,
-    "busy",
-    Sides,
-    By,
-    timing,
-    |this, at, directive| {
+    }
+    Busy "busy" Sides By timing(this, at, directive: &mut Directive) {
         directive.busy_ns += (this.0.by * at.gain) as u32;
-    },
-    &mut Directive
-);
-kind!(
-    Jump,
-    "jump",
-    Controller,
-    By,
-    timing,
-    |this, at, directive| {
+    }
+    Jump "jump" Controller By timing(this, at, directive: &mut Directive) {
         directive.late_steps += (this.0.by * at.gain) as u32;
-    },
-    &mut Directive
-);
+    }
+}
 
 /// Shows the previous step's reading, including its validity.
 struct Before(Option<Reading>);

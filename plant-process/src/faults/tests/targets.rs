@@ -182,7 +182,7 @@ fn validity_is_delayed_with_its_value() {
 }
 
 #[test]
-fn an_invalid_command_leaves_the_last_valid_one_in_force() {
+fn after_an_invalid_command_the_last_valid_one_is_held() {
     // The controller itself marks `u_n` as invalid, then a fault does so with `v_n`.
     let mut rig = Rig::new(&[event(1, "gone", at(5), &[on("command.v_n", 0.0)])]);
     rig.run(2);
@@ -197,7 +197,7 @@ fn an_invalid_command_leaves_the_last_valid_one_in_force() {
 }
 
 #[test]
-fn an_invalid_command_of_the_controller_is_no_effect_of_a_fault() {
+fn an_invalid_command_from_the_controller_is_not_counted_as_a_fault_effect() {
     let mut rig = Rig::new(&[event(1, "plus", at(2), &[on("command.u_n", 1.0)])]);
     rig.run(2);
     rig.command_invalid = 0b01;
@@ -273,43 +273,14 @@ fn parameters_are_healthy_again_after_the_last_fault() {
 #[test]
 fn no_fault_moves_a_parameter_out_of_its_range() {
     // The load may be -5 to 5 and is 0, the gain 0 to 100 and is 10.
+    #[rustfmt::skip] // a table
     let cases: [(FaultEvent, [f64; 2], (u64, f64)); 5] = [
-        (
-            event(
-                1,
-                "x",
-                at(0),
-                &[moving(&[("load_n", Operation::Add, -7.0)])],
-            ),
-            [10.0, -5.0],
-            (2, 5.0),
-        ),
-        (
-            event(1, "plus", at(0), &[on("parameter.load_n", 7.0)]),
-            [10.0, 5.0],
-            (2, 5.0),
-        ),
-        (
-            event(1, "infinite", at(0), &[on("parameter.gain", 0.0)]),
-            [100.0, 0.0],
-            (2, 90.0),
-        ),
+        (event(1, "x", at(0), &[moving(&[("load_n", Operation::Add, -7.0)])]), [10.0, -5.0], (2, 5.0)),
+        (event(1, "plus", at(0), &[on("parameter.load_n", 7.0)]), [10.0, 5.0], (2, 5.0)),
+        (event(1, "infinite", at(0), &[on("parameter.gain", 0.0)]), [100.0, 0.0], (2, 90.0)),
         // NaN changes nothing, and is reported as no change.
-        (
-            event(1, "no-number", at(0), &[on("parameter.gain", 0.0)]),
-            [10.0, 0.0],
-            (0, 0.0),
-        ),
-        (
-            event(
-                1,
-                "x",
-                at(0),
-                &[moving(&[("gain", Operation::Add, f64::NAN)])],
-            ),
-            [10.0, 0.0],
-            (0, 0.0),
-        ),
+        (event(1, "no-number", at(0), &[on("parameter.gain", 0.0)]), [10.0, 0.0], (0, 0.0)),
+        (event(1, "x", at(0), &[moving(&[("gain", Operation::Add, f64::NAN)])]), [10.0, 0.0], (0, 0.0)),
     ];
     for (event, expected, acted) in cases {
         let mut rig = Rig::new(&[event]);

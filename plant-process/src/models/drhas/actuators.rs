@@ -113,7 +113,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn states_are_taken_apart_as_they_were_put_together() {
+    fn a_joined_state_splits_into_its_parts() {
         let states = [1.0, 5.0].map(|n| ActuatorState {
             position_m: n,
             velocity_mps: n + 1.0,

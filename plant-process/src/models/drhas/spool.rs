@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_lagging_spool_halves_its_way_every_ln_2_time_constants() {
+    fn a_lagging_spool_halves_its_remaining_travel_every_ln_2_time_constants() {
         let p = ActuatorParameters {
             valve_lag_s: 0.01,
             ..ActuatorParameters::default()
@@ -216,7 +216,7 @@ mod tests {
     }
 
     #[test]
-    fn a_half_stuck_spool_goes_half_the_way_from_its_stuck_position() {
+    fn a_half_stuck_spool_travels_half_the_distance_from_its_stuck_position() {
         let half = ActuatorParameters {
             valve_stuck: 0.5,
             ..ActuatorParameters::default()

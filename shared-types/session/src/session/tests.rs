@@ -106,7 +106,7 @@ fn a_file_under_construction_keeps_its_mark() {
 }
 
 #[test]
-fn a_taken_name_is_refused_and_names_its_owner() {
+fn a_name_in_use_is_refused_with_its_owner() {
     let session = Session::create(None).expect("a session");
     let error = Session::create(Some(&session.info().name)).expect_err("taken");
     assert!(matches!(error, SessionError::Taken { pid, .. } if pid == std::process::id()));

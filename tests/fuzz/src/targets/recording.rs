@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use hil_benchmark::recorded;
 use hil_console::terminal::interruption::Interruption;
-use hil_recording::reader::{RECORDING, RunReader};
+use hil_recording::reader::{RECORDING, RunReader, digest_of_first};
 use hil_verification::arguments::tolerance::Tolerances;
 use hil_verification::compare::{Verdict, compare};
 use hil_verification::judge::judged;
@@ -26,17 +26,24 @@ thread_local! {
 
 /// Runs the target.
 pub fn run(bytes: &[u8]) {
+    is_whole(bytes);
+}
+
+/// Passes a file to every reader; returns `true` if it is read to its end as a complete recording.
+pub fn is_whole(bytes: &[u8]) -> bool {
     FOLDER.with_borrow(|folder| {
         let path = folder.path().join(RECORDING);
         fs::write(&path, bytes).expect("written");
-        if read(&path).is_some() {
+        let is_whole = read(&path);
+        if is_whole.is_some() {
             commands(&path, folder.path());
         }
-    });
+        is_whole == Some(true)
+    })
 }
 
-/// Reads a recording to its end; returns the number of its records, if it is one.
-fn read(path: &Path) -> Option<u64> {
+/// Reads as far as possible; returns `true` for a complete recording, and nothing for a file that is none.
+fn read(path: &Path) -> Option<bool> {
     let told = |error: &dyn std::fmt::Display| {
         let told = error.to_string();
         assert!(told.contains(RECORDING), "{told}");
@@ -45,18 +52,18 @@ fn read(path: &Path) -> Option<u64> {
     let mut reader = RunReader::open(path).map_err(|error| told(&error)).ok()?;
     let width = reader.columns().len();
     assert!(reader.hashed_words() <= width);
-    loop {
+    let is_read = loop {
         match reader.advance() {
             Ok(true) => assert_eq!(reader.words().len(), width),
-            Ok(false) => break,
+            Ok(false) => break true,
             Err(error) => {
                 told(&error);
-                break;
+                break false;
             }
         }
-    }
-    let _ = (reader.rate(), reader.is_whole(), reader.digest());
-    Some(reader.records())
+    };
+    let _ = (reader.rate(), reader.digest());
+    Some(is_read && reader.is_whole())
 }
 
 /// Executes the commands on a file that begins like a recording.
@@ -71,6 +78,7 @@ fn commands(path: &Path, folder: &Path) {
     }
     let _ = judged(path, None);
     let _ = recorded::case(path, 0);
+    let _ = digest_of_first(path, 3);
     if let Ok(recorded) = RecordedScenario::read(path) {
         let _ = recorded.scenario();
     }

@@ -185,7 +185,7 @@ fn a_differing_second_result_is_reported_with_case_and_column() {
 }
 
 #[test]
-fn rows_of_a_dead_attempt_are_taken_over_and_compared() {
+fn rows_of_a_dead_attempt_are_reused_and_compared() {
     let campaign = Campaign::new(4, 4);
     let mut dead = campaign.attempt(0);
     for case in 0..3 {

@@ -210,7 +210,7 @@ mod tests {
     }
 
     #[test]
-    fn no_wake_up_gives_no_grade() {
+    fn without_wake_ups_there_is_no_grade() {
         let finding = finding(IDLE, &wake_ups(&[]), 1, 1.0, class());
         assert_eq!(finding.grade, Grade::Unknown);
     }

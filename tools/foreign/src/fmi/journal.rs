@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn a_message_without_a_text_is_no_reason() {
+    fn a_message_without_text_gives_no_reason() {
         let journal = Journal::open();
         journal.note(3, "error", "the pump cavitates");
         journal.note(3, "error", " \n");

@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn it_is_safe_before_the_first_command_after_a_switch_and_at_the_end() {
+    fn the_output_is_safe_before_the_first_command_after_a_switch_and_at_the_end() {
         let session = Session::of_one_process(None).expect("a session");
         let field = |name: &str| Field::signal(name, "A", "a command");
         let welcome = Welcome {

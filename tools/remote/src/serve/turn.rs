@@ -112,7 +112,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn one_desk_has_its_turn_few_wait_and_others_learn_whose_session_it_is() {
+    fn one_desk_is_served_a_few_queue_and_the_rest_are_refused_with_the_session() {
         let address = |port| SocketAddr::from(([192, 0, 2, 7], port));
         let turn = Turn::default();
         let first = turn.take(address(1)).expect("free");

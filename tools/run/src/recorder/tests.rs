@@ -236,7 +236,7 @@ fn a_recorder_stuck_in_an_incomplete_stream_is_freed() {
 }
 
 #[test]
-fn a_recorder_that_never_returns_from_the_stream_is_given_up() {
+fn a_recorder_that_never_returns_from_the_stream_is_abandoned() {
     let (free, freed) = std::sync::mpsc::channel::<()>();
     // iceoryx2 loops like this for ever in corrupted memory.
     let attach = move || {

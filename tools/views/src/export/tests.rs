@@ -112,7 +112,7 @@ fn a_time_window_includes_both_ends_and_decimation_starts_at_its_first_step() {
 }
 
 #[test]
-fn signals_are_chosen_by_name_and_by_pattern_in_the_order_asked_for() {
+fn signals_are_selected_by_name_and_by_pattern_in_the_requested_order() {
     let (run, folder) = a_run();
     for (arguments, expected) in [
         (

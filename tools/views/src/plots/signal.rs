@@ -299,28 +299,11 @@ mod tests {
             });
             (title, labels.join("|"))
         };
-        for (unit, columns, title, labels) in [
-            (
-                "rad",
-                &["reference.surface_angle_rad", "truth.surface_angle_rad"][..],
-                "surface_angle_rad",
-                "reference|truth",
-            ),
-            (
-                "rad",
-                &["truth.surface_angle_rad"],
-                "truth.surface_angle_rad",
-                "",
-            ),
-            (
-                "Pa",
-                &[
-                    "truth.actuator1_pressure2_pa",
-                    "truth.actuator2_pressure1_pa",
-                ],
-                "truth.actuator*_pressure*_pa",
-                "1 2|2 1",
-            ),
+        #[rustfmt::skip] // a table
+        let cases = [
+            ("rad", &["reference.surface_angle_rad", "truth.surface_angle_rad"][..], "surface_angle_rad", "reference|truth"),
+            ("rad", &["truth.surface_angle_rad"], "truth.surface_angle_rad", ""),
+            ("Pa", &["truth.actuator1_pressure2_pa", "truth.actuator2_pressure1_pa"], "truth.actuator*_pressure*_pa", "1 2|2 1"),
             (
                 "Pa",
                 &[
@@ -332,31 +315,17 @@ mod tests {
                 "pump*_pressure_pa",
                 "truth 1|measured 1|truth 2|measured 2",
             ),
-            (
-                "N",
-                &["internal.z11", "internal.z12"],
-                "internal.z11, z12",
-                "z11|z12",
-            ),
-            (
-                "1",
-                &["internal.lyapunov_v3", "internal.lyapunov_bound"],
-                "internal.lyapunov_*",
-                "lyapunov_v3|lyapunov_bound",
-            ),
+            ("N", &["internal.z11", "internal.z12"], "internal.z11, z12", "z11|z12"),
+            ("1", &["internal.lyapunov_v3", "internal.lyapunov_bound"], "internal.lyapunov_*", "lyapunov_v3|lyapunov_bound"),
             (
                 "m",
                 &["truth.spring1_length_m", "truth.damper2_length_m"],
                 "truth.spring1_length_m, truth.damper2_length_m",
                 "spring1_length|damper2_length",
             ),
-            (
-                "ns",
-                &["round_trip_ns", "controller_ns"],
-                "round_trip_ns, controller_ns",
-                "round_trip|controller",
-            ),
-        ] {
+            ("ns", &["round_trip_ns", "controller_ns"], "round_trip_ns, controller_ns", "round_trip|controller"),
+        ];
+        for (unit, columns, title, labels) in cases {
             let expected = (title.to_owned(), labels.to_owned());
             assert_eq!(of(unit, columns), expected, "{columns:?}");
         }

@@ -16,61 +16,17 @@ fn messages_are_lost_delayed_duplicated_and_swapped_as_specified() {
         copies.collect::<Vec<_>>().join(" ")
     }
     type Case<'a> = (&'a str, Parameters<'a>, &'a [f64], &'a [(f64, &'a str)]);
+    #[rustfmt::skip] // a table
     let cases: &[Case<'_>] = &[
-        (
-            "message-loss",
-            &[],
-            &[],
-            &[(1.0, ""), (0.0, "0"), (2.0, "")],
-        ),
-        (
-            "message-loss",
-            &[],
-            &[1.0, 0.0, 0.0],
-            &[
-                (1.0, ""),
-                (1.0, "0"),
-                (1.0, "0"),
-                (0.1, ""),
-                (1.0, "0"),
-                (1.0, "0"),
-                (0.0, "0"),
-            ],
-        ),
-        (
-            "message-loss",
-            &[("probability", 0.0)],
-            &[],
-            &[(1.0, "0"); 3],
-        ),
+        ("message-loss", &[], &[], &[(1.0, ""), (0.0, "0"), (2.0, "")]),
+        ("message-loss", &[], &[1.0, 0.0, 0.0], &[(1.0, ""), (1.0, "0"), (1.0, "0"), (0.1, ""), (1.0, "0"), (1.0, "0"), (0.0, "0")]),
+        ("message-loss", &[("probability", 0.0)], &[], &[(1.0, "0"); 3]),
         // round(2.5) = 3, halves away from 0; never early.
-        (
-            "message-delay",
-            &[("steps", 5.0)],
-            &[],
-            &[(0.0, "0"), (0.5, "3"), (1.0, "5"), (-1.0, "0"), (2.0, "10")],
-        ),
-        (
-            "message-duplication",
-            &[("lag_steps", 3.0)],
-            &[],
-            &[(1.0, "0 3+"), (0.0, "0"), (1.0, "0 3+")],
-        ),
+        ("message-delay", &[("steps", 5.0)], &[], &[(0.0, "0"), (0.5, "3"), (1.0, "5"), (-1.0, "0"), (2.0, "10")]),
+        ("message-duplication", &[("lag_steps", 3.0)], &[], &[(1.0, "0 3+"), (0.0, "0"), (1.0, "0 3+")]),
         ("message-duplication", &[], &[], &[(1.0, "0 1+")]),
         // The message after a swapped one keeps its place.
-        (
-            "message-reordering",
-            &[],
-            &[],
-            &[
-                (1.0, "1+"),
-                (1.0, "0"),
-                (1.0, "1+"),
-                (1.0, "0"),
-                (0.0, "0"),
-                (1.0, "1+"),
-            ],
-        ),
+        ("message-reordering", &[], &[], &[(1.0, "1+"), (1.0, "0"), (1.0, "1+"), (1.0, "0"), (0.0, "0"), (1.0, "1+")]),
         ("message-jitter", &[("steps", 0.0)], &[], &[(1.0, "0"); 3]),
     ];
     for (kind, parameters, list, steps) in cases {
@@ -114,33 +70,16 @@ fn received(stack: &[(&str, Parameters<'_>, &[f64])], steps: u64) -> Vec<(f64, u
 #[test]
 fn a_receiver_sees_the_messages_that_the_medium_lets_through() {
     type Case<'a> = (&'a [(&'a str, Parameters<'a>, &'a [f64])], &'a [(f64, u32)]);
+    #[rustfmt::skip] // a table
     let cases: &[Case<'_>] = &[
-        (
-            &[("message-loss", &[], &[])],
-            &[(99.0, 1), (99.0, 2), (99.0, 3)],
-        ),
-        (
-            &[("message-loss", &[], &[1.0, 1.0, 0.0])],
-            &[(99.0, 1), (99.0, 2), (102.0, 0), (102.0, 1)],
-        ),
-        (
-            &[("message-delay", &[("steps", 2.0)], &[])],
-            &[(99.0, 1), (99.0, 2), (100.0, 2), (101.0, 2)],
-        ),
+        (&[("message-loss", &[], &[])], &[(99.0, 1), (99.0, 2), (99.0, 3)]),
+        (&[("message-loss", &[], &[1.0, 1.0, 0.0])], &[(99.0, 1), (99.0, 2), (102.0, 0), (102.0, 1)]),
+        (&[("message-delay", &[("steps", 2.0)], &[])], &[(99.0, 1), (99.0, 2), (100.0, 2), (101.0, 2)]),
         // Every message is followed by the previous one.
-        (
-            &[("message-duplication", &[], &[])],
-            &[(100.0, 0), (100.0, 1), (101.0, 1), (102.0, 1)],
-        ),
+        (&[("message-duplication", &[], &[])], &[(100.0, 0), (100.0, 1), (101.0, 1), (102.0, 1)]),
         // 100 arrives after 101, 102 after 103.
-        (
-            &[("message-reordering", &[], &[])],
-            &[(99.0, 1), (100.0, 1), (100.0, 2), (102.0, 1)],
-        ),
-        (
-            &[("message-corruption", &[("bits", 3.0)], &[])],
-            &[(99.0, 1), (99.0, 2), (99.0, 3)],
-        ),
+        (&[("message-reordering", &[], &[])], &[(99.0, 1), (100.0, 1), (100.0, 2), (102.0, 1)]),
+        (&[("message-corruption", &[("bits", 3.0)], &[])], &[(99.0, 1), (99.0, 2), (99.0, 3)]),
         // The duplicate of a late message is even later, whichever acts first.
         (
             &[
@@ -157,13 +96,7 @@ fn a_receiver_sees_the_messages_that_the_medium_lets_through() {
             &[(99.0, 1), (99.0, 2), (100.0, 2), (100.0, 3), (101.0, 3)],
         ),
         // A lost message cannot be duplicated.
-        (
-            &[
-                ("message-loss", &[], &[0.0, 1.0]),
-                ("message-duplication", &[], &[]),
-            ],
-            &[(100.0, 0), (100.0, 1), (102.0, 0), (102.0, 1)],
-        ),
+        (&[("message-loss", &[], &[0.0, 1.0]), ("message-duplication", &[], &[])], &[(100.0, 0), (100.0, 1), (102.0, 0), (102.0, 1)]),
         // A second duplication duplicates the first copy again.
         (
             &[

@@ -88,33 +88,15 @@ mod tests {
 
     #[test]
     fn builds_count_as_the_same_source_only_if_that_is_known() {
-        for (commits, modified, same, expected) in [
-            (
-                [Some("a"), Some("a")],
-                false,
-                Some(true),
-                "built from the source of desk: commit a",
-            ),
-            (
-                [Some("a"), Some("b")],
-                false,
-                Some(false),
-                "from another source than desk: commit a",
-            ),
-            (
-                [Some("a"), Some("b")],
-                true,
-                Some(false),
-                "commit b with changes",
-            ),
+        #[rustfmt::skip] // a table
+        let cases = [
+            ([Some("a"), Some("a")], false, Some(true), "built from the source of desk: commit a"),
+            ([Some("a"), Some("b")], false, Some(false), "from another source than desk: commit a"),
+            ([Some("a"), Some("b")], true, Some(false), "commit b with changes"),
             ([Some("a"), Some("a")], true, None, "cannot verify"),
-            (
-                [None, Some("a")],
-                false,
-                None,
-                "a build without a recorded source",
-            ),
-        ] {
+            ([None, Some("a")], false, None, "a build without a recorded source"),
+        ];
+        for (commits, modified, same, expected) in cases {
             let beside = beside(commits, modified);
             assert_eq!(beside.is_same_source(), same, "{beside}");
             assert!(beside.to_string().contains(expected), "{beside}");

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_seal_holds_for_its_facts_and_its_key_alone() {
+    fn a_seal_is_valid_only_for_its_facts_and_its_key() {
         let sealed = facts();
         assert!(holds(&KEY, &sealed));
         assert!(!holds(&[8; KEY_BYTES], &sealed));

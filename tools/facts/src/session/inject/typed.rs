@@ -81,28 +81,18 @@ mod tests {
             ramp: Some(-1.0),
             ..InjectArguments::default()
         };
-        for (refusal, expected) in [
-            (
-                "`faults[0].effects[0].steps` is missing",
-                "`--steps` is missing",
-            ),
-            (
-                "`faults[0].effects[1].bias` is not a number",
-                "`--bias (target 2)` is not a number",
-            ),
+        #[rustfmt::skip] // a table
+        let cases = [
+            ("`faults[0].effects[0].steps` is missing", "`--steps` is missing"),
+            ("`faults[0].effects[1].bias` is not a number", "`--bias (target 2)` is not a number"),
             ("`faults[0].at_s` is past", "`--at` is past"),
             ("`faults[0].until_for_s` is x", "`--until-for` is x"),
             ("`faults[0].effects[0].skew_s` is x", "`--skew` is x"),
-            (
-                "`faults[0].effects[0].profile.duration_s` is -1",
-                "`--ramp` is -1",
-            ),
-            (
-                "no signal `truth.x` in `a < b`",
-                "no signal `truth.x` in `a < b`",
-            ),
+            ("`faults[0].effects[0].profile.duration_s` is -1", "`--ramp` is -1"),
+            ("no signal `truth.x` in `a < b`", "no signal `truth.x` in `a < b`"),
             ("a single ` stays", "a single ` stays"),
-        ] {
+        ];
+        for (refusal, expected) in cases {
             assert_eq!(in_options(refusal, &arguments), expected);
         }
     }

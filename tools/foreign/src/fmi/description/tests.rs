@@ -212,7 +212,7 @@ fn an_unusable_inner_variable_is_left_out_and_one_of_the_loop_is_refused() {
 }
 
 #[test]
-fn of_two_variables_of_one_name_an_inner_one_is_left_out() {
+fn an_inner_variable_is_omitted_if_another_has_its_name() {
     let of = |first: &str, second: &str| {
         let model = read(&format!(
             "<ModelVariables><Int8 name=\"x\" valueReference=\"1\" causality=\"{first}\"/>\

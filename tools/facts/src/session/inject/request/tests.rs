@@ -139,69 +139,28 @@ fn a_command_line_becomes_the_text_of_a_scenario() {
 
 #[test]
 fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            "leek --actuator 1",
-            "plant `rig` has no fault `leek` ; a kind that `hil inject --list` shows ; leakage",
-        ),
+        ("leek --actuator 1", "plant `rig` has no fault `leek` ; a kind that `hil inject --list` shows ; leakage"),
         (
             "leakage --actuator 1 --coeficient 1",
             "`leakage` has no key `coeficient`, and hil no option `--coeficient` ; \
              one of `actuator`, `coefficient_m3ps_per_sqrt_pa`, `speed_per_s` ; coefficient_m3ps_per_sqrt_pa",
         ),
-        (
-            "bias measured.a 1 --duraton 3",
-            "`bias` has no key `duraton`, and hil no option `--duraton` ; one of `bias` ; --duration",
-        ),
-        (
-            "skip plant 3",
-            "`skip` does not act on `plant` ; `controller`, or no target: it is the only one ; ",
-        ),
-        (
-            "supply-loss controller 0.5 0.5",
-            "`supply-loss` does not act on `controller` ; no target: it acts on the plant ; ",
-        ),
-        (
-            "skip controller x",
-            "`x` is not a number for `steps` ; a number in steps ; ",
-        ),
-        (
-            "supply-loss --factor 1",
-            "`--factor` matches more than one key of `supply-loss` ; one of `factor_first`, `factor_second` ; ",
-        ),
-        (
-            "leakage --coefficient 1",
-            "`leakage` needs `--actuator` ; numbers, for example `--actuator 1,2` ; ",
-        ),
-        (
-            "leakage left 1",
-            "`left` is not a valid actuator ; numbers, for example `--actuator 1,2` ; ",
-        ),
-        (
-            "bias",
-            "`bias` needs a target ; a target that `hil inject --list --kind bias` shows ; ",
-        ),
-        (
-            "leakage 1,2 1,2,3",
-            "`coefficient_m3ps_per_sqrt_pa` has 3 values for 2 targets ; 1 value for all, or 2 ; ",
-        ),
-        (
-            "bias x 1,2",
-            "`bias` has 2 values for 1 target ; 1 value ; ",
-        ),
-        (
-            "bias x 1 2",
-            "`bias` expects 1 value more, not 2: `1`, `2` ; values for `bias` ; ",
-        ),
+        ("bias measured.a 1 --duraton 3", "`bias` has no key `duraton`, and hil no option `--duraton` ; one of `bias` ; --duration"),
+        ("skip plant 3", "`skip` does not act on `plant` ; `controller`, or no target: it is the only one ; "),
+        ("supply-loss controller 0.5 0.5", "`supply-loss` does not act on `controller` ; no target: it acts on the plant ; "),
+        ("skip controller x", "`x` is not a number for `steps` ; a number in steps ; "),
+        ("supply-loss --factor 1", "`--factor` matches more than one key of `supply-loss` ; one of `factor_first`, `factor_second` ; "),
+        ("leakage --coefficient 1", "`leakage` needs `--actuator` ; numbers, for example `--actuator 1,2` ; "),
+        ("leakage left 1", "`left` is not a valid actuator ; numbers, for example `--actuator 1,2` ; "),
+        ("bias", "`bias` needs a target ; a target that `hil inject --list --kind bias` shows ; "),
+        ("leakage 1,2 1,2,3", "`coefficient_m3ps_per_sqrt_pa` has 3 values for 2 targets ; 1 value for all, or 2 ; "),
+        ("bias x 1,2", "`bias` has 2 values for 1 target ; 1 value ; "),
+        ("bias x 1 2", "`bias` expects 1 value more, not 2: `1`, `2` ; values for `bias` ; "),
         ("bias x --bias 1 --bias 2", "`--bias` is given twice ;  ; "),
-        (
-            "bias x much",
-            "`much` is not a number for `bias` ; a number in the unit of the target ; ",
-        ),
-        (
-            "late plant --histogram 1,2",
-            "`1` is not a row of `histogram` ; NUMBER:NUMBER,NUMBER:NUMBER,..: Rows. ; ",
-        ),
+        ("bias x much", "`much` is not a number for `bias` ; a number in the unit of the target ; "),
+        ("late plant --histogram 1,2", "`1` is not a row of `histogram` ; NUMBER:NUMBER,NUMBER:NUMBER,..: Rows. ; "),
         (
             "bias x 1 --table /nowhere.csv",
             "/nowhere.csv: No such file or directory (os error 2) ; a CSV file with the header time_s,value ; ",
