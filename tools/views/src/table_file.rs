@@ -18,20 +18,26 @@ use parquet::schema::types::Type;
 /// Type of the cells of a column.
 #[derive(Clone, Copy, Debug)]
 pub enum FieldKind {
+    /// Numbers.
     Number,
     /// Whole numbers, whose bits are those of unsigned ones.
     Count,
+    /// True or false.
     Flag,
+    /// Texts.
     Text,
 }
 
 /// Cells of a column in a group of rows.
 #[derive(Debug)]
 pub enum Cells<'a> {
+    /// Numbers, one a row.
     Numbers(&'a [f64]),
     /// Counts that exist, and for each row 1 if it has a count, else 0; without that every row has one.
     Counts(Cow<'a, [i64]>, Option<&'a [i16]>),
+    /// Flags, one a row.
     Flags(&'a [bool]),
+    /// Texts, one a row.
     Texts(Vec<ByteArray>),
 }
 
