@@ -3,18 +3,11 @@
 use super::{Key, TEXT};
 
 /// `[[requirements]]`.
-pub(crate) const REQUIREMENT: &[Key] = &[
-    Key::new("name", TEXT, "Name: letters, digits, - and _.").required(),
-    Key::new(
-        "formula",
-        TEXT,
-        "Condition that must hold at the beginning of the run: comparisons of expressions, joined by and, or, not, implies, always[a,b], eventually[a,b], until[a,b], historically[a,b], once[a,b], since[a,b], rise and fall; times such as 2s or 200ms.",
-    )
-    .required(),
-    Key::new("description", TEXT, "Purpose of the requirement."),
-    Key::new(
-        "unit",
-        TEXT,
-        "Unit of the robustness. Default: the unit that all signals of the formula have by their names, else none.",
-    ),
-];
+pub(crate) const REQUIREMENT: &[Key] = keys! {
+    name!: TEXT, "Name: letters, digits, - and _.";
+    formula!: TEXT,
+        "Condition that must hold at the beginning of the run: comparisons of expressions, joined by and, or, not, implies, always[a,b], eventually[a,b], until[a,b], historically[a,b], once[a,b], since[a,b], rise and fall; times such as 2s or 200ms.";
+    description: TEXT, "Purpose of the requirement.";
+    unit: TEXT,
+        "Unit of the robustness. Default: the unit that all signals of the formula have by their names, else none.";
+};

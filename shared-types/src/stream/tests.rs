@@ -1,34 +1,10 @@
 //! Properties specific to the ring within one process and to the assembler; `conformance` covers those of every stream.
 
+#[path = "../../tests/shared/drained.rs"]
+mod drained;
+
 use super::*;
-use crate::record::RecordLayout;
-use crate::table::Field;
-
-fn layout() -> RecordLayout {
-    let field = Field::signal("angle_rad", "rad", "x");
-    RecordLayout {
-        truth: vec![field.clone()],
-        measured: vec![field],
-        command_signals: 1,
-        ..RecordLayout::default()
-    }
-}
-
-/// Drains a source into text.
-fn drained(source: &mut dyn RecordSource) -> Vec<String> {
-    let mut items = Vec::new();
-    loop {
-        let count = source.drain(&mut |item| {
-            items.push(match item {
-                Item::Record(words) => format!("record {}", words[0]),
-                other => format!("{other:?}"),
-            });
-        });
-        if count.expect("drains") == 0 {
-            return items;
-        }
-    }
-}
+use drained::{drained, layout};
 
 #[test]
 fn the_ring_has_room_for_the_longest_fault_whenever_it_has_room() {

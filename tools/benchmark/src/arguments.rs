@@ -11,6 +11,7 @@ use hil_facts::arguments::realtime::WaitKind;
 use shared_types::frame::MAX_SIGNALS;
 use shared_types::time::Rate;
 
+/// Text behind the options in the help of `hil latency`.
 pub const EXAMPLES: &str = "\
 Examples:
   hil latency

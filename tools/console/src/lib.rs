@@ -6,11 +6,6 @@
 //! | [`files`] | atomic files, the folder of a run, finding runs by name |
 //! | [`terminal`] | exit codes and failures, advice on them, output, tables, progress, interruption, durations |
 
-#![expect(
-    missing_docs,
-    reason = "fields and variants whose names say what they are"
-)]
-
 // Declared first because its macro `tell!` is used everywhere.
 #[macro_use]
 pub mod terminal;

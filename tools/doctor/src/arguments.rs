@@ -3,6 +3,7 @@
 use clap::Args;
 use hil_console::terminal::duration::seconds;
 
+/// Text behind the options in the help of `hil doctor`.
 pub const EXAMPLES: &str = "\
 Exit codes: 0 fit for timing claims; 1 unfit: a grade is poor; 2 wrong usage.
 

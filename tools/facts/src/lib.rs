@@ -9,11 +9,6 @@
 //! | [`programs`] | plant and controller programs, and the scenario checked against them |
 //! | [`arguments`] | arguments shared by verbs of several packages |
 
-#![expect(
-    missing_docs,
-    reason = "fields and variants whose names say what they are"
-)]
-
 #[macro_use]
 extern crate hil_console; // its macro `tell!` is used everywhere
 #[cfg(test)]

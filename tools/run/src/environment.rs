@@ -21,8 +21,11 @@ use super::settings::{Settings, refuse_in_process};
 /// Environment of a run, independent of its scenario.
 #[derive(Clone)]
 pub struct Environment {
+    /// Programs of both sides.
     pub binaries: Arc<Binaries>,
+    /// Settings from the command line.
     pub settings: Settings,
+    /// Signals that end the run early.
     pub interruption: Interruption,
 }
 
@@ -56,6 +59,7 @@ pub struct Repeated {
 
 /// Result of a run.
 pub struct RunResult {
+    /// Exit code of the run.
     pub exit: Exit,
     /// Digests after certain numbers of records, as far as requested and available.
     pub partial_digests: BTreeMap<u64, String>,
@@ -65,6 +69,7 @@ pub struct RunResult {
     pub recording: Option<PathBuf>,
     /// Path of the run's folder.
     pub folder: PathBuf,
+    /// Summary of the run.
     pub summary: Summary,
     /// Summary as JSON.
     pub json: String,

@@ -32,6 +32,7 @@ const DEATH_LIMIT: Duration = Duration::from_secs(1);
 
 /// Side of the run.
 pub struct SideProcess {
+    /// Name of the side in messages.
     pub name: &'static str,
     process: Process,
     id: Option<ProcessId>,
@@ -49,6 +50,7 @@ pub struct SideProcess {
     is_silent: bool,
     /// State in which the process was found, if it had to be killed.
     pub killed: Option<&'static str>,
+    /// `true` once the process was asked to stop.
     pub told_to_stop: bool,
 }
 
@@ -122,6 +124,7 @@ impl SideProcess {
         Ok(side)
     }
 
+    /// Returns the process id.
     pub fn process_id(&self) -> u32 {
         match (&self.process, self.id) {
             (Process::Launched(process), _) => process.id(),
@@ -193,10 +196,12 @@ impl SideProcess {
         }
     }
 
+    /// Returns `true` if a signal has stopped the process.
     pub fn is_stopped(&self) -> bool {
         self.id.is_some_and(ProcessId::is_stopped)
     }
 
+    /// Kills the process.
     pub fn kill(&mut self) {
         self.killed = Some(if self.is_stopped() {
             "stopped"

@@ -66,7 +66,9 @@ pub struct Swapped {
     pub epoch: u32,
     /// First step that the controller answers.
     pub step: u64,
+    /// Name of its control law.
     pub law: String,
+    /// File of its program.
     pub binary: PathBuf,
     /// Keys of the running scenario that were left out because no law of the controller has them.
     pub left_out: Vec<String>,

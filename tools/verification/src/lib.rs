@@ -2,11 +2,6 @@
 //! suites and audits; a single `hil run` is a suite of one. Scenarios are executed by [`run`](hil_run); plots are
 //! drawn elsewhere.
 
-#![expect(
-    missing_docs,
-    reason = "fields and variants whose names say what they are"
-)]
-
 #[macro_use]
 extern crate hil_console; // its macro `tell!` is used everywhere
 

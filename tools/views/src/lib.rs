@@ -6,10 +6,6 @@
     rustdoc::private_intra_doc_links,
     reason = "the map leads into modules that are closed to other packages"
 )]
-#![expect(
-    missing_docs,
-    reason = "fields and variants whose names say what they are"
-)]
 
 #[macro_use]
 extern crate hil_console; // its macro `tell!` is used everywhere

@@ -16,6 +16,7 @@ pub const PAGE: &str = include_str!("report/assets/page.js");
 
 /// Page of results that is readable without scripts.
 pub struct OfflinePage<'a, D> {
+    /// Title of the page.
     pub title: &'a str,
     /// Style sheets before and after the common one.
     pub styles: [&'a str; 2],
@@ -25,6 +26,7 @@ pub struct OfflinePage<'a, D> {
     pub credit: Option<&'a str>,
     /// Data for the scripts.
     pub data: &'a D,
+    /// Scripts behind the common one, in order.
     pub scripts: &'a [&'a str],
 }
 

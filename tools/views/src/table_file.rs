@@ -18,20 +18,26 @@ use parquet::schema::types::Type;
 /// Type of the cells of a column.
 #[derive(Clone, Copy, Debug)]
 pub enum FieldKind {
+    /// Numbers.
     Number,
     /// Whole numbers, stored with the bits of unsigned numbers.
     Count,
+    /// True or false.
     Flag,
+    /// Texts.
     Text,
 }
 
 /// Cells of a column in a group of rows.
 #[derive(Debug)]
 pub enum Cells<'a> {
+    /// Numbers, one a row.
     Numbers(&'a [f64]),
     /// Existing counts, and for each row 1 if it has a count, otherwise 0; without that list every row has a count.
     Counts(Cow<'a, [i64]>, Option<&'a [i16]>),
+    /// Flags, one a row.
     Flags(&'a [bool]),
+    /// Texts, one a row.
     Texts(Vec<ByteArray>),
 }
 

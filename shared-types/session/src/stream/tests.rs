@@ -1,39 +1,16 @@
 //! Properties specific to the stream over shared memory; `conformance` covers those of every stream.
 
+#[path = "../../../tests/shared/drained.rs"]
+mod drained;
+
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use super::*;
 use crate::session::Session;
-use shared_types::table::Field;
+use drained::{drained, layout};
 use shared_types::wait::Sleeper;
-
-fn layout() -> RecordLayout {
-    let field = Field::signal("angle_rad", "rad", "x");
-    RecordLayout {
-        truth: vec![field.clone()],
-        measured: vec![field],
-        command_signals: 1,
-        ..RecordLayout::default()
-    }
-}
-
-/// Drains a source into text.
-fn drained(source: &mut dyn RecordSource) -> Vec<String> {
-    let mut items = Vec::new();
-    loop {
-        let count = source.drain(&mut |item| {
-            items.push(match item {
-                Item::Record(words) => format!("record {}", words[0]),
-                other => format!("{other:?}"),
-            });
-        });
-        if count.expect("drains") == 0 {
-            return items;
-        }
-    }
-}
 
 #[test]
 fn credit_rings_the_bell_of_a_plant_that_awaits_it() {

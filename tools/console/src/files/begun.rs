@@ -14,15 +14,25 @@ static LIST: OnceLock<File> = OnceLock::new();
 /// Started run, with the data that its folder may lack.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct BegunRun {
+    /// Folder of the run.
     pub folder: PathBuf,
+    /// Name of the scenario.
     pub scenario: String,
+    /// Name of the control law.
     pub law: String,
+    /// Name of the session.
     pub session: String,
+    /// Start time.
     pub started_utc: String,
+    /// Values of the scenario changed on the command line, as `KEY=VALUE`.
     pub set: Vec<String>,
+    /// Level of evidence.
     pub evidence: String,
+    /// Clock that releases the steps.
     pub clock: String,
+    /// Steps per second of simulated time.
     pub rate_hz: f64,
+    /// Seed of every random stream.
     pub seed: u64,
     /// Set if the folder belongs to the run and did not exist before it.
     #[serde(skip)]

@@ -18,14 +18,19 @@ const MOST: u64 = 1 << 20;
 /// Kind of a file or folder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FileKind {
+    /// Scenario in TOML.
     Scenario,
+    /// Study in TOML.
     Study,
     /// Folder of a run, or its recording.
     Recording,
     /// `summary.json` of a run.
     Summary,
+    /// Folder of a campaign.
     Campaign,
+    /// Executable file.
     Program,
+    /// Model in the form of the Functional Mock-up Interface.
     Fmu,
 }
 

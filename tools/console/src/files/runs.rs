@@ -28,6 +28,7 @@ const LARGEST: u64 = 16 << 20;
 /// Folder of a run.
 #[derive(Clone, Debug)]
 pub struct RunFolder {
+    /// Path of the folder.
     pub path: PathBuf,
     /// Time of the run's start.
     pub started: SystemTime,

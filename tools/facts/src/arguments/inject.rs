@@ -13,12 +13,14 @@ use shared_types::table::nearest;
 
 use crate::arguments::SessionChoice;
 
+/// Usage lines of `hil inject`, which clap cannot derive from free keys.
 pub const USAGE: &str = "\
 hil inject KIND [TARGET[,TARGET]...] [VALUE]... [--KEY VALUE[,VALUE]...]... [OPTIONS]
        hil inject --list [--kind KIND] [--target TARGET]
        hil inject --active
        hil inject --clear ID|all";
 
+/// Text behind the options in the help of `hil inject`.
 pub const EXAMPLES: &str = "\
 Keys:
   A kind's own keys are given as --KEY VALUE; their last words may be omitted: --coefficient is

@@ -48,6 +48,7 @@ pub struct Finder<'a> {
 }
 
 impl<'a> Finder<'a> {
+    /// Creates a finder that has asked no program yet.
     pub const fn new(
         arguments: &'a BinaryArguments,
         at: Option<&'a Reached>,

@@ -13,6 +13,7 @@ use crate::results::recorded::Recorded;
 pub struct Collector {
     /// Steps of the run; 0 if its scenario is invalid.
     steps: u64,
+    /// Metrics and requirements; `None` if the scenario is invalid.
     pub evaluation: Option<RecordEvaluation>,
     /// Curve of a case; `None` unless its campaign records curves.
     pub curve: Option<CurveTaker>,
@@ -22,6 +23,7 @@ pub struct Collector {
     published_ns: Option<(u64, u64)>,
     /// `true` while records belong to the run being continued, which took no time of this run.
     pub is_past: bool,
+    /// Events and counts of the run.
     pub recorded: Recorded,
 }
 

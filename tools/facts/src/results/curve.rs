@@ -54,6 +54,7 @@ impl Curve {
         &self.0[signal * grid.bins..(signal + 1) * grid.bins]
     }
 
+    /// Returns `true` if the curve has as many values as the grid asks for.
     pub fn fits(&self, grid: &Grid) -> bool {
         self.0.len() == grid.signals.len() * grid.bins
     }

@@ -7,6 +7,7 @@ use crate::results::recorded::Recorded;
 
 /// End of a run.
 pub struct EndedRun {
+    /// Events and counts of the run.
     pub recorded: Recorded,
     /// Outcome of the run, combining the plant's report and the supervisor's observations.
     pub outcome: Outcome,
@@ -33,7 +34,9 @@ impl EndedRun {
 pub struct Started {
     /// Number of the controller in the session, from 1.
     pub epoch: u32,
+    /// Program of the controller.
     pub binary: Binary,
+    /// Name of its control law.
     pub law: String,
     /// Values of the scenario changed for the controller.
     pub set: Vec<String>,

@@ -25,11 +25,13 @@ use crate::results::summary::Summary;
 
 /// Recording, read as far as possible.
 pub struct RecordedOutcome {
+    /// Reader of the recording.
     pub reader: RunReader,
     /// Number of records and events.
     pub messages: u64,
     /// Error that prevents reading the recording to its end, other than a missing end.
     pub damage: Option<ReadError>,
+    /// Events and counts of the run.
     pub recorded: Recorded,
     /// Latency of the steps.
     pub latency: Latency,

@@ -28,9 +28,11 @@ pub struct RecordedRun {
     pub plant_program: Description,
     /// Answer of the run's controller program.
     pub controller_program: Description,
+    /// Description of the plant.
     pub plant: PlantDescription,
     /// Law with the signal names used on the link.
     pub law: LawDescription,
+    /// Plan that the run followed.
     pub plan: Plan,
 }
 

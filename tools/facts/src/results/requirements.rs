@@ -15,12 +15,15 @@ use shared_types::record::Outcome;
 /// Result of a requirement.
 #[derive(Clone, Debug, Serialize)]
 pub struct Requirement {
+    /// Name of the requirement.
     pub name: String,
+    /// Formula as written in the scenario.
     pub formula: String,
     /// `pass`, `fail` or `undecided`.
     pub verdict: &'static str,
     /// Margin in the unit, negative for a failed requirement; null if there is none.
     pub robustness: Option<f64>,
+    /// Unit of the robustness.
     pub unit: String,
     /// Time of the step that determines the margin.
     pub at_s: Option<f64>,

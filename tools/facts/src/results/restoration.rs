@@ -42,6 +42,7 @@ pub enum Verdict {
 /// Check of a checkpoint, as stored in its description and in summaries.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Check {
+    /// Verdict of the comparison.
     pub verdict: Verdict,
     /// Number of steps reproduced bit for bit.
     pub steps: u64,

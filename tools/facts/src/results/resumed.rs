@@ -25,6 +25,7 @@ pub fn first_step(reader: &RunReader) -> u64 {
 /// Checkpoint as reported in the summary of its run.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MadeCheckpoint {
+    /// Step before which the state was saved.
     pub step: u64,
     pub(crate) time_s: f64,
     /// Path of the checkpoint's folder, relative to the run's folder.
@@ -56,6 +57,7 @@ pub struct Resumed {
     pub session: String,
     /// First step of this run; earlier records belong to the other run.
     pub step: u64,
+    /// Simulated time of that step.
     pub time_s: f64,
     /// Digest of the records before that step.
     pub digest: String,

@@ -40,16 +40,20 @@ pub const BY_HAND: &str = "started_by_hand";
 #[derive(Clone, Debug, Serialize)]
 pub struct Summary {
     schema: u32,
+    /// Name of the scenario.
     pub scenario: String,
     /// Values of the scenario changed on the command line, as `KEY=VALUE`.
     pub set: Vec<String>,
     /// Start time; null if unknown.
     pub started_utc: Option<String>,
+    /// Name of the session.
     pub session: String,
     evidence: &'static str,
     /// Target; null if the controller was on this machine.
     pub target: Option<Target>,
+    /// Verdict of the run.
     pub verdict: RunVerdict,
+    /// Reason for an early end; null if the run reached its last step.
     pub reason: Option<String>,
     clock: &'static str,
     /// Overruns; null in lockstep.
@@ -57,12 +61,18 @@ pub struct Summary {
     /// Missed commands; null unless the run was in real time or repeats a real-time run.
     missed_commands: Option<Missed>,
     rate_hz: f64,
+    /// Number of recorded steps.
     pub steps: u64,
     sim_time_s: f64,
+    /// Time that the run took.
     pub wall_time_s: f64,
+    /// Simulated seconds per second of wall time.
     pub realtime_factor: f64,
+    /// Digest of the records; null if there is none.
     pub digest: Option<String>,
+    /// Metrics in the order of the scenario.
     pub metrics: Vec<Metric>,
+    /// Requirements in the order of the scenario.
     pub requirements: Vec<Requirement>,
     faults: Vec<Fault>,
     latency_ns: Legs,
@@ -130,10 +140,13 @@ impl From<Streaks> for Missed {
 /// Metric over a window.
 #[derive(Clone, Debug, Serialize)]
 pub struct Metric {
+    /// Name of the metric.
     pub name: String,
+    /// Window from begin to end, both included.
     pub window_s: [f64; 2],
     /// Value; null if no record of the window had one.
     pub value: Option<f64>,
+    /// Unit of the value.
     pub unit: String,
     /// Number of records in the window that were skipped because they lacked the value.
     #[serde(skip_serializing_if = "is_zero")]

@@ -9,6 +9,7 @@ use hil_facts::arguments::target::TargetArguments;
 
 use crate::arguments::tolerance::Tolerance;
 
+/// Text behind the options in the help of `hil replay`.
 pub const HELP: &str = "\
 Exit codes: 0 the same, or within the tolerances; 1 different; 2 this run cannot be replayed with
 this controller; 3 the controller died or did not answer; 130 interrupted.

@@ -7,6 +7,7 @@ use hil_console::files::runs::run_path;
 use hil_facts::arguments::checkpoint::FromArguments;
 use hil_facts::arguments::run::RunOptions;
 
+/// Text behind the options in the help of `hil run`.
 pub const EXAMPLES: &str = "\
 Examples:
   hil run scenarios/severe-leakage.toml

@@ -6,6 +6,7 @@ use clap::{Args, ValueEnum};
 use hil_console::files::runs::run_path;
 use hil_console::terminal::duration::seconds;
 
+/// Text behind the options in the help of `hil export`.
 pub const EXAMPLES: &str = "\
 Values are those of the picked steps: --every skips steps and filters nothing. A recording that
 was cut off is exported as far as it goes, with a note.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use hil_console::files::runs::run_path;
 
+/// Text behind the options in the help of `hil layout`.
 pub const EXAMPLES: &str = "\
 The plots follow from the recorded signals, so a layout works for any plant. A layout for
 PlotJuggler in the folder of the run also opens the recording, over simulated time.

@@ -6,6 +6,7 @@ use clap::Args;
 use hil_console::terminal::duration::seconds;
 use hil_facts::arguments::SessionChoice;
 
+/// Text behind the options in the help of `hil monitor`.
 pub const EXAMPLES: &str = "\
 Watches only: the run has the same digest with and without the monitor, unless a key pauses, steps
 or injects a fault. Up to 3 monitors may watch a session. Without a terminal, or with --once or

@@ -6,6 +6,7 @@ use hil_facts::arguments::SessionChoice;
 
 use crate::arguments::monitor::window;
 
+/// Text behind the options in the help of `hil panel`.
 pub const EXAMPLES: &str = "\
 A page in a browser: live plots, readings, margins, faults; sliders for values that can be tuned;
 pause, step, mark, inject. [panel] of a scenario chooses readings, sliders and buttons. Only this

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use hil_console::files::runs::run_path;
 
+/// Text behind the options in the help of `hil report`.
 pub const EXAMPLES: &str = "\
 One HTML file that needs no network: plots that zoom and share a cursor, shaded faults, requirements
 with their margins, latency, and the origin of the run. Several runs are overlaid. [[plots]] of a

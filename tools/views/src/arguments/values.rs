@@ -4,6 +4,7 @@ use clap::Args;
 use hil_console::terminal::duration::seconds;
 use hil_facts::arguments::SessionChoice;
 
+/// Text behind the options in the help of `hil get`.
 pub const GET_EXAMPLES: &str = "\
 Exit codes: 0 printed; 2 no such session or signal, or no step executed yet; 3 the plant gave no
 answer.
@@ -14,6 +15,7 @@ Examples:
   hil get --tunable 'controller.*'
   hil get --json truth.position_m | jq '.signals[0].value'";
 
+/// Text behind the options in the help of `hil watch`.
 pub const WATCH_EXAMPLES: &str = "\
 Watches only: the run has the same digest with and without it. A line is printed when there is a
 newer step; a held run has none.

@@ -22,15 +22,19 @@ use super::{beside, seal, trusted};
 /// Side, and the ways of naming its program.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Role {
+    /// Name of the side in messages.
     pub side: &'static str,
     /// Program next to `hil`.
     pub beside: &'static str,
+    /// Option that names the program.
     pub flag: &'static str,
+    /// Environment variable that names the program.
     pub variable: &'static str,
     /// Key in a scenario.
     pub key: &'static str,
 }
 
+/// The plant's side.
 pub const PLANT: Role = Role {
     side: "plant",
     beside: "plant-process",
@@ -38,6 +42,7 @@ pub const PLANT: Role = Role {
     variable: "HIL_PLANT_BIN",
     key: "plant.program",
 };
+/// The controller's side.
 pub const CONTROLLER: Role = Role {
     side: "controller",
     beside: "controller-process",
@@ -82,7 +87,9 @@ impl fmt::Display for NamedBy {
 /// Program of a side.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Choice {
+    /// File of the program.
     pub path: PathBuf,
+    /// Place that names the file.
     pub by: NamedBy,
     /// Required hash.
     pub blake3: Option<String>,
@@ -151,12 +158,18 @@ impl Choice {
 
 /// Source of program names other than the command line.
 pub enum Named<'a> {
+    /// No other source.
     Nothing,
+    /// A scenario.
     Scenario {
+        /// File of the scenario.
         file: &'a Path,
+        /// Text of the scenario.
         text: &'a str,
+        /// Programs that the text names.
         programs: Box<Programs>,
     },
+    /// A recording.
     Recorded(&'a Recorded),
 }
 
@@ -180,6 +193,7 @@ pub struct Recorded {
 }
 
 impl Recorded {
+    /// Reads the programs that the recording of a run names.
     pub fn of(reader: &RunReader, run: &Path) -> Self {
         let fact = |name| reader.fact(name).map(str::to_owned);
         let permitted: Vec<String> = (reader.fact(PERMISSIONS))
@@ -287,6 +301,7 @@ pub fn refuse_set(set: &[String], flag: impl Fn(&Role) -> &str) -> Result<(), Fa
 }
 
 impl<'a> Named<'a> {
+    /// Takes a scenario as the source.
     pub fn by(scenario: &'a Scenario) -> Self {
         Self::Scenario {
             file: scenario.path(),

@@ -118,8 +118,11 @@ pub(super) fn of(possible: &Possible) -> serde_json::Value {
 /// Kind of fault, with its targets and keys.
 #[derive(Clone, Debug)]
 pub struct ListedKind {
+    /// Name of the kind.
     pub kind: String,
+    /// Effect of the kind in a sentence.
     pub summary: String,
+    /// Valid targets.
     pub targets: Vec<String>,
     /// Keys with their descriptions.
     pub keys: Vec<(String, String)>,
