@@ -13,6 +13,7 @@ mod realtime;
 mod requirements;
 mod stimuli;
 mod study;
+mod waveforms;
 
 use shared_types::time::Rate;
 
@@ -26,8 +27,9 @@ pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
 pub(crate) use plots::{PANEL, PLOT};
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
-pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
+pub(crate) use stimuli::{SEQUENCE_KIND, STIMULUS, WAVEFORMS};
 pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
+pub(crate) use waveforms::{MOST_PARTS, MOST_TONES, PART};
 
 /// Supported version of the scenario format.
 pub(crate) const SCHEMA: i64 = 1;
@@ -244,7 +246,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "stimuli",
         KeyKind::List(STIMULUS),
-        "Reference signals of the rig, sent with the derivatives that the waveform has.",
+        "Reference signals of the rig, sent with the derivatives that the waveform has, and inputs of the plant that no law commands.",
     ),
     Key::new(
         "faults",
@@ -371,6 +373,11 @@ pub(crate) const PLANT: &[Key] = &[
         KeyKind::Described,
         "Commands that the plant gets while run.on_controller_loss = \"safe-command\" acts. Default: 0.",
     ),
+    Key::new(
+        "inputs",
+        KeyKind::Described,
+        "Constant inputs of the plant that no law commands, such as an ambient temperature: a number, or \"start\" for the start value that the plant declares. A [[stimuli]] with target = \"plant.NAME\" gives an input a course.",
+    ),
 ];
 
 /// `[controller]`; in addition a table for every law.
@@ -451,7 +458,7 @@ pub(crate) const DERIVED: &[Key] = &[
     Key::new(
         "expression",
         TEXT,
-        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.",
+        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, input.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.",
     )
     .required(),
 ];

@@ -131,7 +131,7 @@ pub(crate) const EFFECT: &[Key] = &[
 pub(crate) const TARGET: &[Key] = &[Key::new(
     "target",
     TEXT,
-    "Target of the effect: measured.x, reference.x, command.x, parameter.x, link.sample, link.command, controller or plant.",
+    "Target of the effect: measured.x, reference.x, command.x, input.x, parameter.x, link.sample, link.command, controller or plant.",
 )
 .required()];
 
