@@ -15,6 +15,7 @@ mod csv;
 mod data_sheet;
 mod faults;
 mod files;
+mod inputs;
 mod instruments;
 mod model_settings;
 mod panel;
@@ -28,6 +29,7 @@ mod requirements;
 mod run;
 mod signals;
 mod stimuli;
+mod waveforms;
 
 use std::path::Path;
 
@@ -37,7 +39,7 @@ use shared_types::time::Rate;
 
 use crate::expression::{Columns, Expression, Group};
 use crate::keys;
-use crate::plan::{ControllerPlan, FaultEvent, Plan, Programs, Stimulus};
+use crate::plan::{ControllerPlan, FaultEvent, Plan, Programs, Stimulus, driven};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
@@ -51,13 +53,13 @@ pub(crate) use faults::{groups, unit_of};
 /// Run for which faults and changes of values are requested.
 #[derive(Clone, Debug)]
 pub struct RequestContext {
-    /// Plant.
+    /// Plant, without the commands that the scenario drives.
     pub plant: PlantDescription,
     /// Fault kinds on signals, links and timing.
     pub kinds: Vec<FaultKindDescription>,
     /// The plant's healthy parameters.
     pub parameters: Settings,
-    /// Reference signals.
+    /// Reference signals, and inputs of the plant with a course.
     pub stimuli: Vec<Stimulus>,
     /// The scenario's derived signals by name and expression.
     pub derived: Vec<(String, String)>,
@@ -72,7 +74,7 @@ pub struct RequestContext {
 }
 
 impl RequestContext {
-    /// Creates the context of a plan and its faults.
+    /// Creates the context of a plan and its faults; `plant` lacks the commands that the scenario drives.
     #[must_use]
     pub fn of(plan: &Plan, plant: &PlantDescription, kinds: &[FaultKindDescription]) -> Self {
         let mut context = Self {
@@ -128,6 +130,7 @@ impl RequestContext {
             kinds: &self.kinds,
             healthy: Some(&self.parameters),
             reference: Some(&reference),
+            inputs: Some(&driven(&self.stimuli)),
             columns: Some(&columns),
             grid: Some(self.grid()),
             origin: Origin::Live {
@@ -215,12 +218,16 @@ fn parts(
     let (grid, run) = run::check(reader, root);
     let realtime = realtime::check(reader, root);
     let plant_section = reader.section(root, "plant");
-    let plant = plant_section
+    let whole_plant = plant_section
         .as_ref()
         .and_then(|section| plant::find(reader, section, plants, &scenario.advice.plant));
+    let inputs = inputs::check(reader, root, plant_section.as_ref(), whole_plant);
+    // The plant as the law commands it: everything else sees it without the inputs that the scenario drives.
+    let commanded = whole_plant.map(|plant| inputs.commanded(plant));
+    let plant = commanded.as_ref();
     let plant_plan = plant_section
         .as_ref()
-        .and_then(|section| plant::check(reader, section, plant));
+        .and_then(|section| plant::check(reader, section, plant, &inputs.constants));
 
     let controller_section = reader.section(root, "controller");
     // Plant that selects among laws of the same name.
@@ -235,7 +242,7 @@ fn parts(
         .and_then(|section| controller::find(reader, section, laws, home, &scenario.advice.law));
     let folder = folder(scenario);
     let programs = programs::check(reader, root, folder);
-    let stimuli = stimuli::check(reader, root, folder, grid, law);
+    let stimuli = stimuli::check(reader, root, folder, grid, (law, whole_plant));
     let controller_plan = controller_section.as_ref().and_then(|section| {
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
         controller::check(reader, section, laws, (law, home), plant, nominal, grid)
@@ -243,13 +250,17 @@ fn parts(
     let instruments = instruments::check(reader, root, plant, grid);
     let reference: Option<Vec<Field>> =
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
+    let driven_inputs = stimuli.as_deref().map(driven);
     let connect = reader.list(root, "connect");
     let mut connections = None;
-    if let (Some(section), Some(law), Some(plant)) = (&controller_section, law, plant) {
+    if let (Some(section), Some(law), Some(plant), Some(whole)) =
+        (&controller_section, law, plant, whole_plant)
+    {
         let ends = connect::Ends {
             law,
             laws,
             plant,
+            driven: (whole, &inputs),
             reference: reference.as_deref(),
         };
         connections = connect::check(reader, &connect, &ends).map(|mut all| {
@@ -260,7 +271,10 @@ fn parts(
         });
         let connected = (connections.as_ref()).and_then(|all| law.connected(all).ok());
         if let Some(law) = &connected {
-            binding::check(reader, section, law, plant, stimuli.as_deref());
+            let has_inputs =
+                { plant_section.iter() }.any(|section| section.table.get("inputs").is_some());
+            binding::check(reader, section, law, plant, stimuli.as_deref(), has_inputs);
+            inputs.refuse_commanded(reader, law, whole);
         }
     }
 
@@ -277,6 +291,7 @@ fn parts(
         kinds,
         healthy: plant_plan.as_ref().map(|plan| &plan.parameters),
         reference: reference.as_deref(),
+        inputs: driven_inputs.as_deref(),
         columns: columns.as_ref(),
         grid,
         origin: Origin::Scenario { folder },

@@ -15,7 +15,7 @@
 //! signal      = group "." name { "." name }
 //!             | name of a derived signal
 //! group       = "truth" | "measured" | "reference" | "command" | "applied" | "internal"
-//!             | "sensed" | "stimulus" | "parameter"
+//!             | "input" | "sensed" | "stimulus" | "parameter"
 //! call        = ("abs" | "sqrt") "(" expression ")"
 //!             | ("min" | "max") "(" expression "," expression ")"
 //!             | reduction "(" expression ")"

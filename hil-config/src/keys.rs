@@ -46,6 +46,7 @@ mod realtime;
 mod requirements;
 mod stimuli;
 mod study;
+mod waveforms;
 
 use shared_types::time::Rate;
 
@@ -59,8 +60,9 @@ pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
 pub(crate) use plots::{PANEL, PLOT};
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
-pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
+pub(crate) use stimuli::{SEQUENCE_KIND, STIMULUS, WAVEFORMS};
 pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
+pub(crate) use waveforms::{MOST_PARTS, MOST_TONES, PART};
 
 /// Supported version of the scenario format.
 pub(crate) const SCHEMA: i64 = 1;
@@ -254,7 +256,7 @@ pub(crate) const SCENARIO: &[Key] = keys! {
     actuators: KeyKind::List(ACTUATOR),
         "Actuators between the received commands and the model. One entry a command; the keys act in the order of this page.";
     stimuli: KeyKind::List(STIMULUS),
-        "Reference signals of the rig, sent with the derivatives that the waveform has.";
+        "Reference signals of the rig, sent with the derivatives that the waveform has, and inputs of the plant that no law commands.";
     faults: KeyKind::List(FAULT), "Fault events. All effects of an event take effect at the same step.";
     changes: KeyKind::List(CHANGE),
         "Changes of parameters and reference signals during the run, as by `hil set`. All keys of a change change at the same step.";
@@ -303,6 +305,8 @@ pub(crate) const PLANT: &[Key] = keys! {
     substeps: integer_or(1, 1000, 4), "Integration steps in one exchange step.";
     parameters: KeyKind::Described,
         "The plant's parameters: a full name (actuator1.x), or the last part alone (x) for every parameter whose name ends with that part; the full name wins.";
+    inputs: KeyKind::Described,
+        "Constant inputs of the plant that no law commands, such as an ambient temperature: a number, or \"start\" for the start value that the plant declares. A [[stimuli]] with target = \"plant.NAME\" gives an input a course.";
     limits: KeyKind::Described,
         "Ranges [min, max] of true signals, outside which the run ends as diverged; they replace the plant's own ranges.";
     safe_command: KeyKind::Described,
@@ -349,5 +353,5 @@ pub(crate) const DERIVED: &[Key] = keys! {
     name!: TEXT, "Name, its unit at the end.";
     unit: TEXT, "Unit. Default: the unit that the name's ending stands for, else 1.";
     expression!: TEXT,
-        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.";
+        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, input.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.";
 };

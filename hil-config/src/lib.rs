@@ -14,7 +14,8 @@
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics as records arrive, from
 //!    its [expressions](expression), and evaluates its [requirements] by [`Monitors`](monitor::Monitors) of all
 //!    [`Formula`](formula::Formula)s.
-//! 6. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of many runs.
+//! 6. [`stimulus`] evaluates the waveforms of a plan, with their derivatives.
+//! 7. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of many runs.
 
 mod analysis;
 mod check;
@@ -37,6 +38,7 @@ pub mod requirements;
 pub mod scenario;
 pub mod schema;
 pub mod show;
+pub mod stimulus;
 pub mod study;
 
 pub use source::SourceLine;

@@ -6,6 +6,7 @@
 mod analysis;
 mod change;
 mod fault;
+mod input;
 mod instrument;
 mod plot;
 mod records;
@@ -33,6 +34,8 @@ pub use change::{Change, PLANT_KEYS, REFERENCE_KEYS, law_keys, settings_after};
 pub use fault::{
     Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
 };
+pub(crate) use input::PLANT_TARGET;
+pub use input::{INPUT_KEYS, driven};
 pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
@@ -53,7 +56,7 @@ pub struct Plan {
     pub plant: PlantPlan,
     /// Controller.
     pub controller: ControllerPlan,
-    /// Reference signals of the rig.
+    /// Reference signals of the rig, and inputs of the plant with a course.
     pub stimuli: Vec<Stimulus>,
     /// Sensors, each of another measured signal.
     pub sensors: Vec<Instrument>,
@@ -269,6 +272,9 @@ pub struct PlantPlan {
     /// Value of every command, as applied under the policy `safe-command`.
     #[serde(default)]
     pub safe_command: Settings,
+    /// Constant inputs, which no law commands.
+    #[serde(default, skip_serializing_if = "Settings::is_empty")]
+    pub inputs: Settings,
 }
 
 /// Range that a true signal must not leave.

@@ -147,7 +147,11 @@ impl fmt::Display for Problem {
             write!(f, "\n{margin} = nearest: {}", names.join(", "))?;
         }
         if let Some(help) = &self.help {
-            write!(f, "\n{margin} = help: {}", Printable(help))?;
+            // Lines to paste stand below each other.
+            for (number, line) in help.split('\n').enumerate() {
+                let begin = if number == 0 { "= help: " } else { "  " };
+                write!(f, "\n{margin} {begin}{}", Printable(line))?;
+            }
         }
         Ok(())
     }

@@ -39,6 +39,7 @@ pub fn schema(
         merge(&mut plant["limits"], limits(&truth));
         let commands: Vec<&Field> = plants.iter().flat_map(|plant| &plant.commands).collect();
         merge(&mut plant["safe_command"], described(&commands));
+        merge(&mut plant["inputs"], inputs(&commands));
     }
     if !laws.is_empty() {
         let controller = &mut properties["controller"]["properties"];
@@ -183,7 +184,10 @@ fn field(field: &Field) -> Value {
     let mut value = quantity(&described);
     let text = &field.description;
     value["description"] = json!(format!("{text} Expected: {}.", described.expected()));
-    if let Some(default) = field.default.filter(|default| default.is_finite()) {
+    if let Some(default) = field
+        .default
+        .filter(|default| default.is_finite() && !field.is_optional)
+    {
         value["default"] = json!(default);
     }
     value
@@ -237,6 +241,18 @@ fn offer(slot: &mut Value, one: &Field) {
     }
 }
 
+/// Returns the schema of `[plant.inputs]`: numbers, or the start value of the plant's table.
+fn inputs(fields: &[&Field]) -> Value {
+    let mut value = described(fields);
+    let properties = value["properties"].as_object_mut();
+    for (_, one) in properties.into_iter().flatten() {
+        if one["type"] != json!("object") {
+            *one = json!({"anyOf": [one.take(), {"const": "start"}]});
+        }
+    }
+    value
+}
+
 fn limits(fields: &[&Field]) -> Value {
     let properties: Map<String, Value> = fields
         .iter()
@@ -255,11 +271,22 @@ fn limits(fields: &[&Field]) -> Value {
 
 /// Returns the schema of a stimulus: the common keys, and those of each kind.
 fn stimulus() -> Value {
-    let kinds = WAVEFORMS.iter();
-    of_kinds(
-        keys::STIMULUS,
-        kinds.map(|kind| (kind.name, kind.text, kind.keys)),
-    )
+    let kinds = || {
+        WAVEFORMS
+            .iter()
+            .map(|kind| (kind.name, kind.text, kind.keys))
+    };
+    let mut stimulus = of_kinds(keys::STIMULUS, kinds());
+    let part = of_kinds(
+        keys::PART,
+        kinds().filter(|(name, ..)| *name != keys::SEQUENCE_KIND),
+    );
+    for kind in stimulus["oneOf"].as_array_mut().into_iter().flatten() {
+        if kind["properties"]["kind"]["const"] == json!(keys::SEQUENCE_KIND) {
+            kind["properties"]["parts"]["items"] = part.clone();
+        }
+    }
+    stimulus
 }
 
 /// Returns the schema of a metric: the common keys, and those of each kind. A metric without a kind is an expression.

@@ -24,7 +24,7 @@ use shared_types::time::{Rate, Step};
 use crate::keys::{self, Key, KeyKind, SCHEMA};
 use crate::plan::{
     Clock, ControllerProgram, Derived, FaultEvent, Metric, Permissions, Plan, Realtime, Run,
-    Stimulus,
+    Stimulus, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -110,7 +110,7 @@ fn write(
     laws: &[LawDescription],
     kinds: &[FaultKindDescription],
 ) -> Written {
-    let plant = (plan.plant_among(plants))
+    let plant = (plan.whole_plant_among(plants))
         .ok_or_else(|| undescribed(format!("plant `{}`", plan.plant.model)))?;
     let law = (plan.law_among(laws))
         .ok_or_else(|| undescribed(format!("law `{}`", plan.controller.law)))?;
@@ -262,7 +262,13 @@ fn plant_tables(text: &mut String, plan: &Plan, plant: &PlantDescription) -> Wri
         )?;
     }
     let safe = &plan.safe_command;
-    settings(text, "plant.safe_command", safe, &plant.commands)
+    let (driven, commands): (Vec<Field>, Vec<Field>) =
+        { plant.commands.iter().cloned() }.partition(|field| safe.get(&field.name).is_none());
+    settings(text, "plant.safe_command", safe, &commands)?;
+    let constant = driven.into_iter();
+    let constant = constant.filter(|field| plan.inputs.get(&field.name).is_some());
+    let constant: Vec<Field> = constant.collect();
+    settings(text, "plant.inputs", &plan.inputs, &constant)
 }
 
 /// Returns a permission of an FMU, if granted.
@@ -336,6 +342,9 @@ fn settings(text: &mut String, table: &str, values: &Settings, fields: &[Field])
     };
     for field in fields {
         let Some(value) = values.get(&field.name) else {
+            if field.is_optional {
+                continue;
+            }
             return Err(undescribed(format!("`{}` that fits the plan", field.name)));
         };
         let range = Quantity::from(field).range();
@@ -363,7 +372,20 @@ fn stimulus(text: &mut String, stimulus: &Stimulus) -> Written {
     writeln!(text, "\n[[stimuli]]")?;
     writeln!(text, "target = {}", string(&stimulus.target))?;
     writeln!(text, "unit = {}", string(&stimulus.unit))?;
-    for entry in entries(&stimulus.waveform) {
+    let sequence = match &stimulus.waveform {
+        Waveform::Sequence(sequence) => sequence,
+        waveform => return lines(text, waveform),
+    };
+    writeln!(text, "kind = {}", string(keys::SEQUENCE_KIND))?;
+    each(text, &sequence.parts, |text, part| {
+        writeln!(text, "[[stimuli.parts]]")?;
+        writeln!(text, "length_s = {}", toml_float(part.length_s))?;
+        lines(text, &part.waveform)
+    })
+}
+
+fn lines(text: &mut String, waveform: &Waveform) -> Written {
+    for entry in entries(waveform) {
         writeln!(text, "{entry}")?;
     }
     Ok(())
@@ -423,6 +445,7 @@ fn toml_value(value: &Value) -> String {
     match value {
         Value::Array(values) => array(values.iter().map(toml_value)),
         Value::String(text) => string(text),
+        Value::Number(value) if value.is_u64() => value.to_string(),
         value => toml_float(value.as_f64().unwrap_or(f64::NAN)),
     }
 }

@@ -6,7 +6,7 @@
 
 use std::sync::Arc;
 
-use hil_config::plan::{Clock, PLANT_KEYS, settings_after};
+use hil_config::plan::{Clock, PLANT_KEYS, driven, settings_after};
 use hil_session::clock::monotonic_ns;
 use hil_session::thread::ThreadSampler;
 use shared_types::checkpoint::Saves;
@@ -24,6 +24,7 @@ use shared_types::wait::{Sleeper, WaitLimit};
 use crate::checkpoint::SavedPlant;
 use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
 use crate::guard::Guards;
+use crate::inputs::InputRow;
 use crate::instruments::Instruments;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
@@ -89,9 +90,11 @@ pub struct Engine<L, S> {
 
 /// The plant and everything that is stepped with it.
 struct Plant {
+    /// Description without the commands that the scenario drives.
     description: PlantDescription,
     reference: Vec<Field>,
     model: Box<dyn Model>,
+    inputs: InputRow,
     instruments: Instruments,
     builder: Arc<FaultBuilder>,
     faults: FaultLayer,
@@ -111,7 +114,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         link: L,
         sink: S,
     ) -> Result<Self, Invalid> {
-        let description = kind.description.clone();
+        let description = job.plant.commanded(&kind.description, &job.stimuli);
         let parameters = &job.plant.parameters;
         let reference: Vec<Field> = (job.stimuli.iter())
             .flat_map(|stimulus| stimulus.fields())
@@ -123,7 +126,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             parameters,
             (job.run.rate, job.run.seed),
             &job.derived,
-        )?;
+        )?
+        .with_inputs(driven(&job.stimuli));
         for changed in settings_after(&job.changes, PLANT_KEYS, parameters) {
             (kind.start)(&changed)?; // they must go together
         }
@@ -150,6 +154,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         let plant = Plant {
             model,
+            inputs: InputRow::new(&kind.description, &job)?,
             guards: Guards::new(&description, &job.plant.limits)?,
             instruments: Instruments::new(&description, &job)?,
             faults: FaultLayer::new(&builder, &job.faults)?,

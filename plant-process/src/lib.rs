@@ -23,6 +23,7 @@ mod checkpoint;
 pub mod engine;
 pub mod faults;
 pub mod guard;
+mod inputs;
 pub mod instruments;
 pub mod integrate;
 pub mod job;
@@ -33,5 +34,6 @@ pub mod program;
 pub mod repeat;
 pub mod request_queue;
 pub mod rows;
-pub mod stimulus;
 pub mod tuning;
+
+pub use hil_config::stimulus;

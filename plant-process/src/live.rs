@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 
 use hil_config::expression::Columns;
 use hil_config::live_requests::RequestContext;
-use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, law_keys};
+use hil_config::plan::{Change, FaultEvent, PLANT_KEYS, Stimulus, driven, law_keys};
 use hil_session::live::{self, Listening, OBJECTIONS, SOCKET};
 use hil_session::session::SessionInfo;
 use shared_types::describe::LawDescription;
@@ -51,7 +51,7 @@ impl LiveContext {
     #[must_use]
     pub fn new(plant: &PlantKind, faults: &[FaultKindEntry], job: &Job) -> Self {
         let mut run = RequestContext {
-            plant: plant.description.clone(),
+            plant: job.plant.commanded(&plant.description, &job.stimuli),
             kinds: faults.iter().map(|kind| kind.description.clone()).collect(),
             parameters: job.plant.parameters.clone(),
             stimuli: job.stimuli.clone(),
@@ -147,6 +147,7 @@ impl Service {
             rate: run.rate,
             plant: run.plant.clone(),
             reference: run.stimuli.iter().flat_map(reference).collect(),
+            inputs: driven(&run.stimuli),
             kinds: run.kinds.clone(),
         }))
     }

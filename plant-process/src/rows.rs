@@ -18,12 +18,14 @@ pub struct Rows {
     pub sample: Vec<f64>,
     /// Sensor readings, before faults.
     pub sensed: Vec<f64>,
-    /// Reference signals before faults; computed one step ahead.
+    /// Reference signals, then inputs of the plant, before changes and faults; computed one step ahead.
     pub stimulus: Vec<f64>,
     /// Step of the computed reference signals.
     pub stimulus_of: Option<Step>,
-    /// Reference signals of the sample sent last.
+    /// Reference signals of the sample sent last, then inputs of the plant, before faults.
     pub sent_stimulus: Vec<f64>,
+    /// Inputs of the plant that the scenario drives, as applied.
+    pub input: Vec<f64>,
     /// Effective values of the plant's faultable parameters.
     pub parameter: Vec<f64>,
     /// Invalid bits of the sample sent last.
@@ -64,9 +66,10 @@ impl Rows {
         Self {
             sample: vec![0.0; welcome.sample.len()],
             sensed: vec![0.0; layout.measured.len()],
-            stimulus: vec![0.0; layout.reference.len()],
+            stimulus: vec![0.0; layout.reference.len() + layout.input.len()],
             stimulus_of: None,
-            sent_stimulus: vec![0.0; layout.reference.len()],
+            sent_stimulus: vec![0.0; layout.reference.len() + layout.input.len()],
+            input: vec![0.0; layout.input.len()],
             parameter: vec![0.0; layout.parameter.len()],
             invalid: [0; VALIDITY_WORDS],
             frame: vec![0.0; welcome.command.len()],
@@ -200,8 +203,9 @@ impl Rows {
         words.values(&self.command);
         words.values(&self.applied);
         words.values(&self.frame[self.internals..]);
+        words.values(&self.input);
         words.values(&self.sensed);
-        words.values(&self.sent_stimulus);
+        words.values(&self.sent_stimulus[..self.layout.reference.len()]);
         words.values(&self.parameter);
         words.timing(timing);
     }
@@ -216,8 +220,9 @@ impl Rows {
         words.values(&self.sample);
         let unanswered = 2 * self.layout.command.len() + self.layout.internal.len();
         words.fill(f64::NAN.to_bits(), unanswered);
+        words.values(&self.input);
         words.values(&self.sensed);
-        words.values(&self.sent_stimulus);
+        words.values(&self.sent_stimulus[..self.layout.reference.len()]);
         words.values(&self.parameter);
         words.timing(timing);
     }

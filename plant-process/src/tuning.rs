@@ -62,7 +62,7 @@ pub struct Offered {
     pub parameters: Vec<TunableParameter>,
 }
 
-/// Reference signal: its index among all of them, and its course if it has left its stimulus.
+/// Reference signal or driven input: its index among all of them, and its course if it has left its stimulus.
 #[derive(Clone, Debug)]
 struct Reference {
     key: String,
@@ -95,13 +95,19 @@ impl Tuning {
         changes: &[Change],
         first: Step,
     ) -> Self {
-        let mut column = 0;
+        // Driven inputs of the plant follow the reference signals.
+        let (mut column, mut input) = (0, stimuli.iter().flat_map(Stimulus::fields).count());
         let references = stimuli.iter().map(|stimulus| {
-            let derivatives = stimulus.waveform.derivatives();
-            let begin = column;
-            column += 1 + derivatives;
+            let is_input = stimulus.input().is_some();
+            let derivatives = match is_input {
+                true => 0,
+                false => stimulus.waveform.derivatives(),
+            };
+            let next = if is_input { &mut input } else { &mut column };
+            let begin = *next;
+            *next += 1 + derivatives;
             Reference {
-                key: format!("{REFERENCE_KEYS}{}", stimulus.target),
+                key: stimulus.key(),
                 aliases: stimulus.aliases.clone(),
                 unit: stimulus.unit.clone(),
                 column: begin,
@@ -283,7 +289,7 @@ impl Tuning {
         self.unconfirmed.iter().cloned().chain(of_plant).collect()
     }
 
-    /// Writes reference signals that have left their stimulus into the row of a step.
+    /// Writes reference signals and driven inputs that have left their stimulus into the row of a step.
     pub fn overrule(&self, step: Step, row: &mut [f64]) {
         for signal in &self.references {
             let Some(course) = &signal.course else {
@@ -405,15 +411,20 @@ impl Tuning {
             one(PLANT_KEYS, field, original, self.plant.get(&place))
         });
         let signals = self.references.iter().map(|signal| {
-            let name = &signal.key[REFERENCE_KEYS.len()..];
+            let begin = signal.key.find('.').map_or(0, |dot| dot + 1);
+            let (group, name) = signal.key.split_at(begin);
+            let description = match group {
+                REFERENCE_KEYS => "Reference signal of the rig.",
+                _ => "Input of the plant, driven by the scenario.",
+            };
             let field = Field {
                 aliases: signal.aliases.clone(),
                 min: f64::MIN,
                 max: f64::MAX,
-                ..Field::signal(name, &signal.unit, "Reference signal of the rig.")
+                ..Field::signal(name, &signal.unit, description)
             };
             let original = stimulus.get(signal.column).copied().unwrap_or(0.0);
-            one(REFERENCE_KEYS, &field, original, signal.course.as_ref())
+            one(group, &field, original, signal.course.as_ref())
         });
         of_law.chain(of_plant).chain(signals).collect()
     }

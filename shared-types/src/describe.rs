@@ -420,6 +420,12 @@ impl Settings {
         self.0.insert(name.into(), Setting(value));
     }
 
+    /// Returns `true` if nothing is set.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
     /// Returns the value of a name, if set.
     #[must_use]
     pub fn get(&self, name: &str) -> Option<f64> {

@@ -1,7 +1,8 @@
 //! The digest of a run: one hash over everything that must be reproducible and nothing else.
 //!
 //! For each record in order: the value changes and fault events that take effect at its step, then the record's words
-//! up to the timing (step, validity, truth, measured, reference, command, applied, internals), all little-endian. An
+//! up to the timing (step, validity, truth, measured, reference, command, applied, internals and, if there are any,
+//! driven inputs), all little-endian. An
 //! event is the byte length of its text as a 64-bit word followed by the text: for a fault
 //! `step kind target parameter course`; for a change `step change ramp_steps` and, each preceded by a space,
 //! `key=value` for every key and `clear:key` for every reference signal that follows its stimulus again. Any reader of

@@ -271,6 +271,9 @@ pub struct Possible {
     pub plant: PlantDescription,
     /// Reference signals.
     pub reference: Vec<Field>,
+    /// Inputs of the plant that the scenario drives.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub inputs: Vec<Field>,
     /// Fault kinds on signals, links and timing.
     pub kinds: Vec<FaultKindDescription>,
 }

@@ -9,13 +9,14 @@
 //! | 1 | step |
 //! | one for each 64 sample signals, at least 1 | invalid bits of measured and reference |
 //! | one for each 64 command signals, at least 1 | invalid bits of commands, as received by the plant, and of internals |
-//! | truth, measured, reference, command, applied, internal | `f64` each |
+//! | truth, measured, reference, command, applied, internal, input | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
 //! | 14 | [`Timing`], outside the digest |
 //!
 //! `measured` and `reference` are the values that the controller received, including faults of signals and link;
 //! `sensed` and `stimulus` are the same signals before any fault. `command` is as sent by the controller, and `applied`
-//! as used by the plant. `parameter` holds the effective values of the plant's faultable parameters.
+//! as used by the plant. `input` holds the inputs of the plant that the scenario drives, as used by the plant; most runs
+//! have none. `parameter` holds the effective values of the plant's faultable parameters.
 
 mod event;
 
@@ -40,13 +41,14 @@ pub const RECORD_VERSION: u32 = 4;
 
 /// Signal groups of a record, in order; also the prefixes in expressions. The digest covers the first
 /// [`HASHED_GROUPS`].
-pub const GROUPS: [&str; 9] = [
+pub const GROUPS: [&str; 10] = [
     "truth",
     "measured",
     "reference",
     "command",
     "applied",
     "internal",
+    "input",
     "sensed",
     "stimulus",
     "parameter",
@@ -54,7 +56,7 @@ pub const GROUPS: [&str; 9] = [
 
 /// Number of signal groups that the digest covers; the other groups follow from them and the scenario, and show the
 /// values without faults.
-pub const HASHED_GROUPS: usize = 6;
+pub const HASHED_GROUPS: usize = 7;
 
 /// Layout of a record: its signals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -69,6 +71,9 @@ pub struct RecordLayout {
     pub command: Vec<Field>,
     /// Internal signals that the controller exposed.
     pub internal: Vec<Field>,
+    /// Inputs of the plant that the scenario drives.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub input: Vec<Field>,
     /// Number of commands and internals in a command frame, as counted by the validity bits; internals come last.
     pub command_signals: usize,
     /// Position of each of the plant's commands in a command frame.
@@ -156,6 +161,7 @@ impl RecordLayout {
             reference,
             command: plant.commands.clone(),
             internal: command.fields(SignalKind::Internal),
+            input: Vec::new(),
             command_signals: command.len(),
             // A controller that does not send them all is refused at hello.
             command_places: (command.bind(SignalKind::Command, &plant.commands))
@@ -165,6 +171,12 @@ impl RecordLayout {
                 .cloned()
                 .collect(),
         }
+    }
+
+    /// Adds the inputs of the plant that the scenario drives.
+    #[must_use]
+    pub fn with_inputs(self, input: Vec<Field>) -> Self {
+        Self { input, ..self }
     }
 
     /// Describes the first difference between this layout, which follows from the description, and one received at
@@ -177,6 +189,7 @@ impl RecordLayout {
             ("reference", &other.reference, &self.reference),
             ("command", &other.command, &self.command),
             ("internal", &other.internal, &self.internal),
+            ("input", &other.input, &self.input),
             ("parameter", &other.parameter, &self.parameter),
         ];
         let mut differences =
@@ -207,6 +220,7 @@ impl RecordLayout {
             &self.command,
             &self.command,
             &self.internal,
+            &self.input,
             &self.measured,
             &self.reference,
             &self.parameter,
@@ -373,6 +387,7 @@ mod tests {
             reference: fields(5),
             command: fields(2),
             internal: fields(1),
+            input: fields(2),
             command_signals: 4,
             command_places: vec![2, 0],
             parameter: fields(4),
@@ -399,9 +414,9 @@ mod tests {
     fn the_length_of_a_record_is_the_sum_of_its_parts() {
         let layout = layout();
         assert_eq!(layout.values_start(), 1 + 2 + 1);
-        assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 60 + 5 + 4);
-        assert_eq!(layout.hashed_words(), 4 + 73);
-        assert_eq!(layout.words(), 4 + 142 + 14);
+        assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 2 + 60 + 5 + 4);
+        assert_eq!(layout.hashed_words(), 4 + 75);
+        assert_eq!(layout.words(), 4 + 144 + 14);
     }
 
     #[test]

@@ -32,7 +32,7 @@ pub struct Field {
     pub unit: String,
     /// One-sentence description.
     pub description: String,
-    /// Default value; none for signals.
+    /// Default value of a parameter, or start value of a plant's command; none for other signals.
     #[serde(
         with = "number::option",
         default,
@@ -54,6 +54,9 @@ pub struct Field {
     /// `true` if the value is a difference, for example of two temperatures: unit conversion then ignores offsets.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_difference: bool,
+    /// True if a scenario may leave the value out and the program then does what no value expresses.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_optional: bool,
     /// `true` if the value is one of a few, as in an enumeration or a Boolean: noise has no meaning for such a value.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_discrete: bool,
@@ -74,6 +77,7 @@ impl Field {
             faultable: false,
             tunable: false,
             is_difference: false,
+            is_optional: false,
             is_discrete: false,
         }
     }
@@ -147,7 +151,8 @@ pub trait Table:
 /// A signal is `name: "unit"`, optionally with its range of validity (`in min..=max`, used by the engine's guard). A
 /// parameter has a default and a range, and may be open to faults or to changes during a run:
 /// `name: "unit" = default in min..=max [faultable]`, `[tunable]`, or both, as `[faultable, tunable]`. Numbers other
-/// than plain literals need parentheses. The description is the doc comment.
+/// than plain literals need parentheses. A command of a plant may have a start value, `name: "unit" start 293.15`, for
+/// scenarios in which no law commands it. The description is the doc comment.
 ///
 /// ```
 /// shared_types::table! {
@@ -308,6 +313,7 @@ macro_rules! table {
                 $(#[doc = $doc:expr])*
                 $name:ident $(: $unit:tt)?
                     $(= $default:tt $($default_size:literal)?)?
+                    $(start $start:tt $($start_size:literal)?)?
                     $(in $min:tt $($min_size:literal)? ..= $max:tt $($max_size:literal)?)?
                     $([$($flag:ident),+ $(,)?])?
             ),* $(,)?
@@ -330,7 +336,8 @@ macro_rules! table {
         #[allow(unused_parens, reason = "a number that is no literal stands in parentheses")]
         const _: () = {
             $( $crate::table!(
-                @row $name [$($doc)*] [$($unit)?] [$($default $($default_size)?)?]
+                @row $name [$($doc)*] [$($unit)?]
+                [$($default $($default_size)?)? $($start $($start_size)?)?]
                 [$($min $($min_size)?)?] [$($max $($max_size)?)?]
             ); )*
         };
@@ -342,6 +349,7 @@ macro_rules! table {
                 Self { $( $name: {
                     let _value = 0.0_f64;
                     $( let _value: f64 = $default $($default_size)?; )?
+                    $( let _value: f64 = $start $($start_size)?; )?
                     _value
                 }, )* }
             }
@@ -359,6 +367,7 @@ macro_rules! table {
                             concat!($($doc),*),
                         );
                         $( field.default = Some($default $($default_size)?); )?
+                        $( field.default = Some($start $($start_size)?); )?
                         $( (field.min, field.max) = ($min $($min_size)?, $max $($max_size)?); )?
                         $($( field = $crate::table::flag::$flag(field); )+)?
                         field

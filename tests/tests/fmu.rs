@@ -4,6 +4,7 @@ mod aliases;
 mod controllers;
 mod deaths;
 mod ends;
+mod inputs;
 mod names;
 mod order;
 mod shipped;

@@ -2,6 +2,7 @@
 
 mod connected;
 mod deeds;
+mod inputs;
 mod modes;
 
 use std::fmt::Write;
@@ -337,7 +338,8 @@ fn the_structs_of_the_header_match_those_of_rust() {
         saved_size,
         save,
         restore,
-        end
+        end,
+        start_commands
     );
     same!(
         text,

@@ -120,6 +120,7 @@ mod foxglove;
 mod guard;
 mod hindrances;
 mod hot_path;
+mod inputs;
 mod instruments;
 mod interruptions;
 mod intrusion;

@@ -1,4 +1,5 @@
-//! `hold`: sets every command of the plant to one constant value, regardless of the sample.
+//! `hold`: sets every command of the plant to one constant value, regardless of the sample; without a value, to the
+//! start value that the plant declares for the command, else 0.
 //!
 //! For open-loop runs, for a first try of your own plant and as the peer in a latency measurement. This is the only law
 //! for any plant, so it implements [`Law`] on rows and has no command table of its own. A value that jumps during a run
@@ -16,27 +17,31 @@ use crate::controller::{Law, LawKind, Row, Start, Transition, TunedRows};
 shared_types::table! {
     /// Parameters of `hold`.
     pub struct Parameters {
-        /// Value of every command, in the unit of that command.
-        value: "1" = 0.0 in (f64::MIN)..=(f64::MAX) [tunable],
+        /// Value of every command, in the unit of that command. Without it each command has the start value that the plant declares, else 0.
+        value: "1" = 0.0 in (f64::MIN)..=(f64::MAX) [tunable, optional],
     }
 }
 
 /// The law.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Hold {
-    value: f64,
+    /// Value of every command, if given.
+    value: Option<f64>,
+    /// Start value of each command.
+    starts: Vec<f64>,
     period_s: f64,
     state: HoldState,
 }
 
 /// State that the law keeps from sample to sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 struct HoldState {
-    /// Last command, if there was one.
-    last: Option<f64>,
+    /// Last commands, if any.
+    last: Vec<f64>,
     /// `true` if the value has jumped since the last command.
     jumped: bool,
-    transfer: Transfer,
+    /// Transfer of each command.
+    transfers: Vec<Transfer>,
 }
 
 impl Law for Hold {
@@ -47,12 +52,20 @@ impl Law for Hold {
         _internals: &mut [f64],
     ) -> Result<(), Failure> {
         let state = &mut self.state;
-        let value = match state.last.filter(|_| std::mem::take(&mut state.jumped)) {
-            Some(last) => state.transfer.begin(last, self.value, self.period_s),
-            None => self.value + state.transfer.next(),
-        };
-        state.last = Some(value);
-        command.fill(value);
+        let jumped = std::mem::take(&mut state.jumped);
+        // Room for both is reserved at the start.
+        (state.transfers).resize(command.len(), Transfer::default());
+        for (place, command) in command.iter_mut().enumerate() {
+            let start = self.starts.get(place).copied();
+            let value = self.value.or(start).unwrap_or(0.0);
+            let transfer = &mut state.transfers[place];
+            *command = match state.last.get(place).filter(|_| jumped) {
+                Some(last) => transfer.begin(*last, value, self.period_s),
+                None => value + transfer.next(),
+            };
+        }
+        state.last.clear();
+        state.last.extend_from_slice(command);
         Ok(())
     }
 
@@ -66,8 +79,12 @@ impl Law for Hold {
     }
 
     fn retune(&mut self, setup: &TunedRows<'_>, transition: Transition) {
-        self.value = Parameters::from_row(setup.parameters).value;
-        self.state.jumped |= transition == Transition::Step;
+        // Not a number while the scenario's omission stands.
+        let value = Some(Parameters::from_row(setup.parameters).value);
+        let value = value.filter(|value| !value.is_nan());
+        self.state.jumped |=
+            transition == Transition::Step || value.is_some() != self.value.is_some();
+        self.value = value;
     }
 }
 
@@ -93,11 +110,18 @@ pub fn kind() -> LawKind {
 }
 
 fn start(start: &Start<'_>) -> Result<Box<dyn Law>, Invalid> {
-    let parameters: Parameters = start.parameters.to_table("controller.hold")?;
+    let commands = start.commands;
     Ok(Box::new(Hold {
-        value: parameters.value,
+        value: start.parameters.get("value"),
+        starts: { commands.iter() }
+            .map(|field| field.default.unwrap_or(0.0))
+            .collect(),
         period_s: start.period_s,
-        state: HoldState::default(),
+        state: HoldState {
+            last: Vec::with_capacity(commands.len()),
+            transfers: Vec::with_capacity(commands.len()),
+            ..HoldState::default()
+        },
     }))
 }
 
@@ -105,6 +129,7 @@ fn start(start: &Start<'_>) -> Result<Box<dyn Law>, Invalid> {
 mod tests {
     use super::*;
     use shared_types::describe::Settings;
+    use shared_types::table::Field;
 
     #[test]
     fn every_command_of_the_plant_gets_the_value() {
@@ -132,7 +157,8 @@ mod tests {
     #[test]
     fn a_jump_is_approached_in_a_straight_line_and_a_ramp_is_followed() {
         let mut law = Hold {
-            value: 8.0,
+            value: Some(8.0),
+            starts: Vec::new(),
             period_s: 0.025,
             state: HoldState::default(),
         };
@@ -169,15 +195,44 @@ mod tests {
     }
 
     #[test]
-    fn a_missing_value_is_named() {
-        let error = (kind().start)(&Start {
+    fn without_a_value_each_command_holds_its_start_or_0_until_one_is_set() {
+        let field = |name: &str, start| Field {
+            default: start,
+            ..Field::signal(name, "K", "x")
+        };
+        let mut law = (kind().start)(&Start {
             parameters: &Settings::default(),
             model: &Settings::default(),
-            period_s: 1e-3,
-            commands: &[],
+            period_s: 0.05,
+            commands: &[field("ambient_k", Some(290.0)), field("wall_k", None)],
         })
-        .err()
-        .expect("refused");
-        assert!(error.0.contains("`controller.hold.value`"), "{error}");
+        .expect("starts");
+        let step = |law: &mut Box<dyn Law>| {
+            let sample = Row {
+                held_steps: 0,
+                time_s: 0.0,
+                measured: &[],
+                reference: &[],
+                valid: true,
+            };
+            let mut command = [f64::NAN; 2];
+            law.step(&sample, &mut command, &mut []).expect("answers");
+            command
+        };
+        assert_eq!(step(&mut law), [290.0, 0.0]);
+        let saved = law.save().expect("a state");
+        // Both go from their own value to the new one in 0.1 s, also when a ramp begins.
+        law.retune(
+            &TunedRows {
+                parameters: &[10.0],
+                model: &[],
+                period_s: 0.05,
+            },
+            Transition::Ramp,
+        );
+        let commands = [(); 3].map(|()| step(&mut law));
+        assert_eq!(commands, [[290.0, 0.0], [150.0, 5.0], [10.0, 10.0]]);
+        law.restore(&saved).expect("its own state");
+        assert_eq!(step(&mut law), [10.0, 10.0]);
     }
 }

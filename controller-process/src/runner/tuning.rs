@@ -237,7 +237,8 @@ pub(super) fn offered(
     let offered = law.tunable().filter_map(|field| {
         Some(TunableParameter {
             field: field.clone(),
-            value: parameters.get(&field.name)?,
+            // The program takes its default for one that the scenario leaves out.
+            value: (parameters.get(&field.name)).or(field.default.filter(|_| field.is_optional))?,
             is_unreadable: unreadable.contains(&field.name),
         })
     });

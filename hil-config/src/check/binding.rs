@@ -9,10 +9,14 @@ use shared_types::layout::SignalKind;
 use shared_types::table::{Field, derivative_of};
 use shared_types::units::Conversion;
 
+use super::inputs;
 use crate::keys::WAVEFORMS;
-use crate::plan::Stimulus;
+use crate::plan::{Stimulus, Waveform};
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
+
+/// Advice for signals that differ in name or unit alone.
+const CONNECT: &str = "use [[connect]] to bind signals of different names and units";
 
 /// Reports every signal that law or plant needs and that nothing provides.
 pub(super) fn check(
@@ -21,6 +25,7 @@ pub(super) fn check(
     law: &LawDescription,
     plant: &PlantDescription,
     stimuli: Option<&[Stimulus]>,
+    has_inputs: bool,
 ) {
     let asks = format!("law `{}` needs the measured signal", law.name);
     let gives = format!("plant `{}`", plant.name);
@@ -32,10 +37,16 @@ pub(super) fn check(
     if let Some(commands) = &law.commands {
         let asks = format!("plant `{}` needs the command", plant.name);
         let gives = format!("law `{}`", law.name);
-        for field in &plant.commands {
-            if !gives_field(commands, field) {
-                unbound(reader, section, &asks, field, &gives, commands, None);
-            }
+        let is_missing = |field: &&Field| !gives_field(commands, field);
+        let missing: Vec<&Field> = plant.commands.iter().filter(is_missing).collect();
+        // The first one has the lines for all of them.
+        let mut remedy = inputs::remedy(&missing, has_inputs);
+        for field in missing {
+            let help = remedy.take().map(|remedy| match commands.is_empty() {
+                true => remedy,
+                false => format!("{CONNECT}; {remedy}"),
+            });
+            unbound(reader, section, &asks, field, &gives, commands, help);
         }
     }
     if let Some(stimuli) = stimuli {
@@ -158,6 +169,17 @@ fn bind_reference(
             target.name,
             listed(kinds)
         );
+        // A sequence says itself why it has no more.
+        let own = stimuli.iter().find(|one| one.target == target.name);
+        let help = match own.map(|one| &one.waveform) {
+            Some(Waveform::Sequence(sequence)) if sequence.derivatives() < highest => format!(
+                "the sequence of `{}` has {} of {highest} derivatives: {}",
+                target.name,
+                sequence.derivatives(),
+                sequence.limit().1
+            ),
+            _ => help,
+        };
         unbound(
             reader,
             section,
@@ -210,8 +232,5 @@ fn unbound(
     if other_unit.is_none() {
         problem.nearest(name, fields.iter().map(|field| field.name.as_str()));
     }
-    problem.help = help.or_else(|| {
-        (!fields.is_empty())
-            .then(|| "use [[connect]] to bind signals of different names and units".into())
-    });
+    problem.help = help.or_else(|| (!fields.is_empty()).then(|| CONNECT.into()));
 }

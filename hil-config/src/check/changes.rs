@@ -17,7 +17,7 @@ use super::parameters::{LISTED, Written, collect, is_named};
 use super::run::Grid;
 use crate::document::Entry;
 use crate::keys::LIVE_CHANGE;
-use crate::plan::{Change, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_keys};
+use crate::plan::{Change, INPUT_KEYS, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_keys};
 use crate::problem::{ProblemKind, Problems, listed};
 use crate::quantity::{Quantity, toml_float};
 use crate::reader::{Reader, Section};
@@ -118,13 +118,20 @@ fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
     let of_plant = (context.plant?.parameters.iter())
         .map(|field| Known::new(PLANT_KEYS, field, field.tunable || field.faultable));
     let signals = context.stimuli?.iter().map(|stimulus| {
+        let group = match stimulus.input() {
+            Some(_) => INPUT_KEYS,
+            None => REFERENCE_KEYS,
+        };
         let field = Field {
             aliases: stimulus.aliases.clone(),
             min: f64::MIN,
             max: f64::MAX,
             ..Field::signal(&stimulus.target, &stimulus.unit, "")
         };
-        Known::new(REFERENCE_KEYS, &field, true)
+        Known {
+            key: stimulus.key(),
+            ..Known::new(group, &field, true)
+        }
     });
     Some(of_law.chain(of_plant).chain(signals).collect())
 }
@@ -322,7 +329,10 @@ fn cleared(
 ) -> Option<Vec<String>> {
     let texts = reader.texts(section, "clear")?;
     let keys = keys?;
-    let is_signal = |one: &&Known| one.key.starts_with(REFERENCE_KEYS);
+    let is_signal = |one: &&Known| {
+        let mut groups = [REFERENCE_KEYS, INPUT_KEYS].into_iter();
+        groups.any(|group| one.key.starts_with(group))
+    };
     let signals: Vec<&Known> = keys.iter().filter(is_signal).collect();
     let mut clear = Vec::new();
     for (path, place, text) in texts {

@@ -6,6 +6,7 @@ use shared_types::layout::SignalKind;
 use shared_types::table::Field;
 use shared_types::units::{Conversion, Unit};
 
+use super::inputs::Inputs;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
@@ -27,6 +28,8 @@ pub(super) struct Ends<'a> {
     /// law.
     pub(super) laws: &'a [LawDescription],
     pub(super) plant: &'a PlantDescription,
+    /// The plant with all its commands, and those that the scenario drives.
+    pub(super) driven: (&'a PlantDescription, &'a Inputs<'a>),
     /// Reference signals; `None` if a stimulus is faulty.
     pub(super) reference: Option<&'a [Field]>,
 }
@@ -123,6 +126,17 @@ fn connection(reader: &mut Reader, section: &Section<'_>, ends: &Ends<'_>) -> Op
         }
         return None;
     };
+    let (whole, inputs) = ends.driven;
+    if kind == SignalKind::Command
+        && let Some(key) = inputs.key_of(whole, plant)
+    {
+        let path = section.path_of("plant");
+        let message = format!("`{path}` binds the input `{plant}`, which `{key}` drives");
+        reader
+            .report_at(section, "plant", ProblemKind::Duplicate, message)
+            .help("leave one of them out: an input has one source");
+        return None;
+    }
     let fields = ends.of_plant(kind)?;
     let Some(plant_field) = fields.iter().find(|field| field.is_called(plant)) else {
         unknown(

@@ -44,6 +44,8 @@ pub(crate) struct EventContext<'a> {
     pub healthy: Option<&'a Settings>,
     /// Reference signals.
     pub reference: Option<&'a [Field]>,
+    /// Inputs of the plant that stimuli drive.
+    pub inputs: Option<&'a [Field]>,
     /// Columns that expressions may name: a record's signals and every derived signal.
     pub columns: Option<&'a Columns>,
     /// Steps of the run.

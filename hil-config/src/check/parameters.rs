@@ -127,6 +127,8 @@ pub(super) fn complete(
             settings.set(&field.name, *value);
         } else if let Some(value) = fallback(field) {
             settings.set(&field.name, value);
+        } else if field.is_optional {
+            // Left out, which is more than any default says.
         } else if let Some(value) = field.default {
             settings.set(&field.name, value);
         } else {

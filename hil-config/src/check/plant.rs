@@ -40,6 +40,7 @@ pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
     plant: Option<&PlantDescription>,
+    inputs: &Settings,
 ) -> Option<PlantPlan> {
     reader.refuse_unknown(section, &[]);
     let substeps = reader.integer(section, "substeps");
@@ -71,6 +72,7 @@ pub(super) fn check(
         parameters,
         limits,
         safe_command,
+        inputs: inputs.clone(),
     })
 }
 

@@ -1,17 +1,19 @@
-//! `[[stimuli]]`: reference signals and their waveforms.
+//! `[[stimuli]]`: reference signals and driven inputs of the plant, with their waveforms.
 
 use std::collections::HashSet;
 use std::path::Path;
 
-use shared_types::describe::LawDescription;
+use shared_types::describe::{LawDescription, PlantDescription};
 use shared_types::layout::is_name;
 use shared_types::number::exact as number;
 use shared_types::table::{Field, unit_of_name};
 
 use super::points;
 use super::run::Grid;
-use crate::keys::WAVEFORMS;
-use crate::plan::{Stimulus, Sweep, Waveform};
+use super::waveforms;
+use crate::document::Value;
+use crate::keys::{SEQUENCE_KIND, WAVEFORMS};
+use crate::plan::{PLANT_TARGET, Stimulus, Sweep, Waveform};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
@@ -21,13 +23,13 @@ pub(super) fn check(
     root: &Section<'_>,
     folder: &Path,
     grid: Option<Grid>,
-    law: Option<&LawDescription>,
+    (law, plant): (Option<&LawDescription>, Option<&PlantDescription>),
 ) -> Option<Vec<Stimulus>> {
     let sections = reader.list(root, "stimuli");
     let mut stimuli = Vec::new();
     let mut names: HashSet<String> = HashSet::new();
     for section in &sections {
-        let stimulus = stimulus(reader, section, folder, grid, law);
+        let stimulus = stimulus(reader, section, folder, grid, (law, plant));
         if let Some(stimulus) = &stimulus {
             let fields = stimulus.fields();
             let again = fields.iter().find(|field| names.contains(&field.name));
@@ -40,7 +42,8 @@ pub(super) fn check(
         stimuli.push(stimulus);
     }
     // A name means one signal: the one that has it as its own, or the first one that has it as an alias.
-    for stimulus in stimuli.iter_mut().flatten() {
+    let references = stimuli.iter_mut().flatten();
+    for stimulus in references.filter(|stimulus| stimulus.input().is_none()) {
         stimulus.aliases.retain(|alias| names.insert(alias.clone()));
     }
     stimuli.into_iter().collect()
@@ -51,8 +54,11 @@ fn stimulus(
     section: &Section<'_>,
     folder: &Path,
     grid: Option<Grid>,
-    law: Option<&LawDescription>,
+    (law, plant): (Option<&LawDescription>, Option<&PlantDescription>),
 ) -> Option<Stimulus> {
+    if let Some(input) = input_of(section) {
+        return of_input(reader, section, folder, grid, plant, input);
+    }
     let target = target(reader, section);
     let needed = target.zip(law).and_then(|(target, law)| {
         let mut reference = law.reference.iter();
@@ -67,6 +73,48 @@ fn stimulus(
             .collect(),
         target: target?.into(),
         unit: unit?,
+        waveform: waveform?,
+    })
+}
+
+/// Returns the name after `plant.`, if the target is an input of the plant.
+fn input_of<'a>(section: &Section<'a>) -> Option<&'a str> {
+    match &section.table.get("target")?.node.value {
+        Value::Text(target) => target.strip_prefix(PLANT_TARGET),
+        _ => None,
+    }
+}
+
+/// Returns the stimulus of an input of the plant; an unknown name is reported with all driven inputs.
+fn of_input(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    folder: &Path,
+    grid: Option<Grid>,
+    plant: Option<&PlantDescription>,
+    input: &str,
+) -> Option<Stimulus> {
+    let waveform = waveform(reader, section, folder, grid);
+    let plant = plant?;
+    let field = plant.commands.iter().find(|field| field.is_called(input))?;
+    if section.table.get("unit").is_some() {
+        let unit = reader.text(section, "unit")?;
+        if unit != field.unit {
+            let path = section.path_of("unit");
+            let message = format!(
+                "`{path}` is {unit}, but plant `{}` takes the input `{}` in {}",
+                plant.name, field.name, field.unit
+            );
+            reader
+                .report_at(section, "unit", ProblemKind::Mismatch, message)
+                .help("leave out `unit`");
+            return None;
+        }
+    }
+    Some(Stimulus {
+        target: format!("{PLANT_TARGET}{}", field.name),
+        aliases: field.aliases.clone(),
+        unit: field.unit.clone(),
         waveform: waveform?,
     })
 }
@@ -121,8 +169,37 @@ fn waveform(
     folder: &Path,
     grid: Option<Grid>,
 ) -> Option<Waveform> {
+    waveform_of(reader, section, folder, grid, true)
+}
+
+/// Returns the waveform of a stimulus, or of a part of a sequence, which is no sequence itself.
+fn waveform_of(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    folder: &Path,
+    grid: Option<Grid>,
+    is_whole: bool,
+) -> Option<Waveform> {
     let kinds = WAVEFORMS.iter().map(|kind| (kind.name, kind.keys));
+    let kinds = kinds.filter(move |(name, _)| is_whole || *name != SEQUENCE_KIND);
     let (name, section) = &reader.of_kind(section, "stimulus", kinds)?;
+    match *name {
+        "square" => return waveforms::square(reader, section),
+        "pulse" => {
+            let at_s = reader.number(section, "at_s");
+            let at_s = in_run(reader, section, at_s, grid);
+            return waveforms::pulse(reader, section, at_s);
+        }
+        "prbs" => return waveforms::prbs(reader, section, grid),
+        "multisine" => return waveforms::multisine(reader, section, grid),
+        SEQUENCE_KIND => {
+            let part = |reader: &mut Reader, part: &Section<'_>, grid: Option<Grid>| {
+                waveform_of(reader, part, folder, grid, false)
+            };
+            return waveforms::sequence(reader, section, grid, part);
+        }
+        _ => {}
+    }
     // All numbers are read before a missing one is reported, so that every problem is.
     let mut number = |name| reader.number(section, name);
     let waveform = match *name {

@@ -23,6 +23,8 @@ pub enum Group {
     Applied,
     /// Internal signals of the law, `internal.x`.
     Internal,
+    /// Inputs of the plant that the scenario drives, `input.x`.
+    Input,
     /// Sensor readings without faults, `sensed.x`.
     Sensed,
     /// Reference signals without faults, `stimulus.x`.
@@ -35,13 +37,14 @@ pub enum Group {
 
 impl Group {
     /// Every group, in record order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Truth,
         Self::Measured,
         Self::Reference,
         Self::Command,
         Self::Applied,
         Self::Internal,
+        Self::Input,
         Self::Sensed,
         Self::Stimulus,
         Self::Parameter,
@@ -58,6 +61,7 @@ impl Group {
             Self::Command => "command",
             Self::Applied => "applied",
             Self::Internal => "internal",
+            Self::Input => "input",
             Self::Sensed => "sensed",
             Self::Stimulus => "stimulus",
             Self::Parameter => "parameter",

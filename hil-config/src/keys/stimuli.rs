@@ -2,6 +2,7 @@
 
 use shared_types::time::Rate;
 
+use super::waveforms::{MULTISINE, PRBS, PULSE, SEQUENCE, SQUARE};
 use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, choice, number, number_or};
 
 /// `[[stimuli]]`; in addition the keys of the kind in [`WAVEFORMS`].
@@ -9,7 +10,7 @@ pub(crate) const STIMULUS: &[Key] = &[
     Key::new(
         "target",
         TEXT,
-        "Name of the reference signal, its unit at the end.",
+        "Name of the reference signal, its unit at the end; or plant.NAME for an input of the plant that no law commands.",
     )
     .required(),
     Key::new("kind", TEXT, "Waveform.").required(),
@@ -25,7 +26,7 @@ pub(crate) const STIMULUS: &[Key] = &[
 pub(crate) struct WaveformKind {
     /// The stimulus' `kind`.
     pub name: &'static str,
-    /// Number of time derivatives that are sent with the signal.
+    /// Largest number of time derivatives that are sent with the signal.
     pub derivatives: usize,
     /// Description of the waveform.
     pub text: &'static str,
@@ -33,9 +34,12 @@ pub(crate) struct WaveformKind {
     pub keys: &'static [Key],
 }
 
-const ANY: KeyKind = number("", f64::MIN, f64::MAX);
-const ANY_OR_ZERO: KeyKind = number_or("", f64::MIN, f64::MAX, 0.0);
-const FREQUENCY: KeyKind = number("Hz", 0.0, Rate::MAX_HZ);
+pub(super) const ANY: KeyKind = number("", f64::MIN, f64::MAX);
+pub(super) const ANY_OR_ZERO: KeyKind = number_or("", f64::MIN, f64::MAX, 0.0);
+pub(super) const FREQUENCY: KeyKind = number("Hz", 0.0, Rate::MAX_HZ);
+
+/// Name of the kind that has the others as its parts.
+pub(crate) const SEQUENCE_KIND: &str = "sequence";
 
 /// Waveforms of stimuli.
 pub(crate) const WAVEFORMS: &[WaveformKind] = &[
@@ -111,6 +115,36 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
         ],
     },
     WaveformKind {
+        name: "square",
+        derivatives: 0,
+        text: "offset + amplitude in the first part of each period, then offset - amplitude.",
+        keys: SQUARE,
+    },
+    WaveformKind {
+        name: "pulse",
+        derivatives: 0,
+        text: "high for width_s from at_s on, else low; once, or every period_s.",
+        keys: PULSE,
+    },
+    WaveformKind {
+        name: "prbs",
+        derivatives: 0,
+        text: "Pseudo-random binary sequence of maximal length: offset + amplitude or offset - amplitude, the same for the same order and seed as scipy.signal.max_len_seq.",
+        keys: PRBS,
+    },
+    WaveformKind {
+        name: "multisine",
+        derivatives: 5,
+        text: "offset + a sum of sines of given frequencies or of a band.",
+        keys: MULTISINE,
+    },
+    WaveformKind {
+        name: SEQUENCE_KIND,
+        derivatives: 5,
+        text: "Waveforms one after the other, each on its own clock; after the last one its last value is held. Sent with the derivatives that exist where the parts meet.",
+        keys: SEQUENCE,
+    },
+    WaveformKind {
         name: "table",
         derivatives: 1,
         text: "Straight lines between points, constant before the first and after the last; some of the times must lie in the run.",
@@ -133,9 +167,14 @@ mod tests {
 
     #[test]
     fn waveforms_have_as_many_derivatives_as_in_the_plan() {
-        let [paper, step, ramp, sine, chirp, table] = WAVEFORMS else {
-            panic!("six kinds");
-        };
+        let named = |name: &str| WAVEFORMS.iter().find(|kind| kind.name == name);
+        let [paper, step, ramp, sine, chirp, table] =
+            ["paper", "step", "ramp", "sine", "chirp", "table"]
+                .map(|name| named(name).expect("a kind"));
+        let two_levels = ["square", "pulse", "prbs"];
+        for name in two_levels {
+            assert_eq!(named(name).expect("a kind").derivatives, 0, "{name}");
+        }
         let zero = 0.0;
         let cases = [
             (

@@ -5,13 +5,24 @@ use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
-use super::{Plan, Stimulus};
+use super::{Plan, Stimulus, driven};
 use crate::expression::Columns;
 
 impl Plan {
+    /// Selects the plan's plant from these descriptions and returns it as its controller and its records see it:
+    /// without the commands that the scenario drives.
+    #[must_use]
+    pub fn plant_among(&self, plants: &[PlantDescription]) -> Option<PlantDescription> {
+        let plant = self.whole_plant_among(plants)?;
+        Some(self.plant.commanded(plant, &self.stimuli))
+    }
+
     /// Selects the plan's plant from these descriptions.
     #[must_use]
-    pub fn plant_among<'d>(&self, plants: &'d [PlantDescription]) -> Option<&'d PlantDescription> {
+    pub fn whole_plant_among<'d>(
+        &self,
+        plants: &'d [PlantDescription],
+    ) -> Option<&'d PlantDescription> {
         plants.iter().find(|plant| plant.name == self.plant.model)
     }
 
@@ -49,21 +60,22 @@ impl Plan {
         }
     }
 
-    /// Returns the record layout of a run of the plan's plant and its law as seen on the wire.
+    /// Returns the record layout of a run of its plant and its law, both as seen on the wire.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))
             .and(SignalKind::Internal, &law.internals);
-        RecordLayout::of(plant, self.reference(), &command)
+        RecordLayout::of(plant, self.reference(), &command).with_inputs(driven(&self.stimuli))
     }
 }
 
 impl Columns {
-    /// Names the columns of a record of this plant, these stimuli and a law with these internal signals.
+    /// Names the columns of a record of this plant without its driven inputs, these stimuli and a law with these internal signals.
     #[must_use]
     pub fn of(plant: &PlantDescription, stimuli: &[Stimulus], internals: &[Field]) -> Self {
         let reference = stimuli.iter().flat_map(Stimulus::fields).collect();
         let internals = SignalTable::of(SignalKind::Internal, internals);
-        Self::from(&RecordLayout::of(plant, reference, &internals))
+        let layout = RecordLayout::of(plant, reference, &internals);
+        Self::from(&layout.with_inputs(driven(stimuli)))
     }
 }

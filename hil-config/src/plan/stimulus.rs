@@ -3,12 +3,15 @@
 use serde::{Deserialize, Serialize};
 use shared_types::table::{Field, derivative_of};
 
-/// Reference signal with the derivatives that its waveform has.
+use super::{INPUT_KEYS, REFERENCE_KEYS};
+use crate::stimulus::{Multisine, Prbs, Pulse, Sequence, Square};
+
+/// Reference signal with the derivatives that its waveform has, or an input of the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stimulus {
-    /// Name of the reference signal.
+    /// Name of the reference signal, or `plant.` and the name of the plant's input.
     pub target: String,
-    /// Aliases of the reference signal, taken from the law.
+    /// Aliases of the signal, taken from the law or the plant.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub aliases: Vec<String>,
     /// Unit.
@@ -18,9 +21,21 @@ pub struct Stimulus {
 }
 
 impl Stimulus {
-    /// Returns the reference signals: the target and its derivatives in ascending order.
+    /// Returns the key under which a change sets the signal.
+    #[must_use]
+    pub fn key(&self) -> String {
+        match self.input() {
+            Some(input) => format!("{INPUT_KEYS}{input}"),
+            None => format!("{REFERENCE_KEYS}{}", self.target),
+        }
+    }
+
+    /// Returns the reference signals: the target and its derivatives in ascending order; none for an input of the plant.
     #[must_use]
     pub fn fields(&self) -> Vec<Field> {
+        if self.input().is_some() {
+            return Vec::new();
+        }
         let mut fields = vec![Field {
             aliases: self.aliases.clone(),
             ..Field::signal(&self.target, &self.unit, "Command of the rig.")
@@ -95,6 +110,16 @@ pub enum Waveform {
         #[serde(default, skip_serializing_if = "Sweep::is_linear")]
         sweep: Sweep,
     },
+    /// Two levels in a fixed rhythm.
+    Square(Square),
+    /// One pulse, or a train of them.
+    Pulse(Pulse),
+    /// Binary sequence of maximal length.
+    Prbs(Prbs),
+    /// Sum of sines.
+    Multisine(Multisine),
+    /// Waveforms one after the other.
+    Sequence(Sequence),
     /// Linear interpolation between points, constant before the first and after the last.
     Table {
         /// Times in s, strictly ascending.
@@ -135,14 +160,18 @@ impl Sweep {
 }
 
 impl Waveform {
+    /// Highest derivative of any waveform.
+    pub const MOST_DERIVATIVES: usize = 5;
+
     /// Returns the number of time derivatives that are sent with the signal: those that exist everywhere, and for
     /// linear interpolation the slope to the right.
     #[must_use]
     pub const fn derivatives(&self) -> usize {
         match self {
-            Self::Paper { .. } | Self::Sine { .. } | Self::Chirp { .. } => 5,
+            Self::Paper { .. } | Self::Sine { .. } | Self::Chirp { .. } | Self::Multisine(_) => 5,
             Self::Ramp { .. } | Self::Table { .. } => 1,
-            Self::Step { .. } => 0,
+            Self::Step { .. } | Self::Square(_) | Self::Pulse(_) | Self::Prbs(_) => 0,
+            Self::Sequence(sequence) => sequence.derivatives(),
         }
     }
 }

@@ -147,7 +147,7 @@ fn target(plants: &[PlantDescription], acts_on: ActsOn) -> Value {
     let choices_known = choices(names.iter().map(String::as_str));
     let mut target = match acts_on {
         ActsOn::Signals | ActsOn::Numbers => {
-            json!({"anyOf": [choices_known, {"pattern": "^reference\\."}]})
+            json!({"anyOf": [choices_known, {"pattern": "^(reference|input)\\."}]})
         }
         _ => choices_known,
     };

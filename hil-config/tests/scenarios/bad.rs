@@ -101,7 +101,7 @@ const CASES: &[Case] = &[
     ("target = \"load_n\"", "target = ^\"surface_angle_rad\"", Duplicate, &["two stimuli provide the reference signal `surface_angle_rad`"]),
     ("target = \"load_n\"", "target = ^\"surface_angle_d1_radps\"", Duplicate, &["`surface_angle_d1_radps`"]),
     ("target = \"load_n\"", "target = ^\"load\"", MissingKey, &["the unit of `load` is not known"]),
-    ("kind = \"step\"", "kind = ^\"setp\"", UnknownName, &["unknown kind of stimulus `setp`", "`paper`, `step`, `ramp`, `sine`, `chirp`, `table`", "nearest: `step`"]),
+    ("kind = \"step\"", "kind = ^\"setp\"", UnknownName, &["unknown kind of stimulus `setp`", "`paper`, `step`, `ramp`, `sine`, `chirp`, `square`, `pulse`, `prbs`, `multisine`, `sequence`, `table`", "nearest: `step`"]),
     ("kind = \"step\"\nat_s = 0.5\n", "kind = \"step\"\n^at = 0.5\n", UnknownKey, &["unknown key `at` in `stimuli[1]`", "`at_s`"]),
     ("kind = \"step\"\nat_s = 0.5\n", "kind = \"step\"\nat_s = ^2.5\n", OutOfRange, &["`stimuli[1].at_s` is 2.5, which is after the end of the run", "from 0 to 2"]),
     ("[[stimuli]]\ntarget = \"load_n\"\nkind = \"step\"\nat_s = 0.5\nafter = 2.0", "^[[stimuli]]\ntarget = \"load_n\"\nkind = \"step\"\nat_s = 0.5", MissingKey, &["`stimuli[1].after` is missing", "a number"]),

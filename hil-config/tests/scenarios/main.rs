@@ -17,6 +17,7 @@ mod flags;
 mod floods;
 mod good;
 mod growth;
+mod inputs;
 mod instruments;
 mod live_faults;
 mod monitors;
@@ -27,6 +28,7 @@ mod schema;
 mod shipped;
 mod show;
 mod units;
+mod waveforms;
 
 use hil_config::plan::Plan;
 use hil_config::problem::{Problem, Problems};

@@ -161,7 +161,7 @@ fn the_schema_has_the_keys_of_each_kinds_effects() {
         !names.contains(&"parameter.actuator1.piston_mass_kg"),
         "not faultable"
     );
-    assert_eq!(targets[1]["pattern"], "^reference\\.");
+    assert_eq!(targets[1]["pattern"], "^(reference|input)\\.");
 
     let late = effects(&schema, "late");
     let target = &late["properties"]["target"];

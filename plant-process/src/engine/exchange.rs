@@ -153,9 +153,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             return self.diverged(step, &bad);
         }
 
+        plant.inputs.join(&rows.applied, &rows.input);
+
         let rate = self.job.run.rate;
         let time_s = rate.seconds(step);
-        let result = (plant.model).truth(time_s, &rows.applied, &mut rows.truth);
+        let command = plant.inputs.joined(&rows.applied);
+        let result = (plant.model).truth(time_s, command, &mut rows.truth);
         if let Err(failure) = result {
             return self.failed(step, &failure);
         }
@@ -172,7 +175,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             length_s: rate.period_s(),
             substeps: self.job.plant.substeps,
         };
-        if let Err(failure) = (self.plant.model).advance(&interval, &self.rows.applied) {
+        let command = self.plant.inputs.joined(&self.rows.applied);
+        if let Err(failure) = (self.plant.model).advance(&interval, command) {
             return self.failed(step, &failure);
         }
         self.executed += 1;
@@ -207,8 +211,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Writes record N: the truth after the last step, without a command.
     fn record_final_truth(&mut self, step: Step) -> Result<(), LinkError> {
         let time_s = self.job.run.rate.seconds(step);
-        let rows = &mut self.rows;
-        let result = (self.plant.model).truth(time_s, &rows.applied, &mut rows.truth);
+        let (rows, plant) = (&mut self.rows, &mut self.plant);
+        plant.inputs.join(&rows.applied, &rows.input);
+        let command = plant.inputs.joined(&rows.applied);
+        let result = (plant.model).truth(time_s, command, &mut rows.truth);
         if let Err(failure) = result {
             return self.failed(step, &failure);
         }

@@ -1,5 +1,6 @@
 //! Before the first step: agreement with a controller on the content of the frames.
 
+use hil_config::plan::driven;
 use shared_types::describe::Invalid;
 use shared_types::hello::{Control, Welcome};
 use shared_types::link::{FrameSpec, Link, LinkError};
@@ -55,7 +56,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             reference,
             ..
         } = &self.plant;
-        let layout = RecordLayout::of(description, reference.clone(), &welcome.command);
+        let layout = RecordLayout::of(description, reference.clone(), &welcome.command)
+            .with_inputs(driven(&self.job.stimuli));
         self.link.open_frames(&FrameSpec {
             identity: welcome.frame_identity(),
             outgoing: welcome.sample.len(),

@@ -1,6 +1,6 @@
 //! Between two steps: saving, waiting for the clock, and sending the next sample.
 
-use hil_config::plan::Clock;
+use hil_config::plan::{Clock, Waveform};
 use hil_session::clock::monotonic_ns;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::Control;
@@ -167,12 +167,23 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
     }
 
-    /// Computes the reference signals of a step, which depend on time alone.
+    /// Computes the reference signals and driven inputs of a step, which depend on time alone.
     pub(super) fn prepare(&mut self, step: Step) {
         let time_s = self.job.run.rate.seconds(step);
-        let mut reference = &mut self.rows.stimulus[..];
+        let references = self.plant.reference.len();
+        let (mut reference, inputs) = self.rows.stimulus.split_at_mut(references);
+        let mut inputs = inputs.iter_mut();
         for stimulus in &self.job.stimuli {
             let count = 1 + stimulus.waveform.derivatives();
+            if stimulus.input().is_some() {
+                // The model needs no derivative.
+                let mut row = [0.0; 1 + Waveform::MOST_DERIVATIVES];
+                stimulus::evaluate(&stimulus.waveform, time_s, &mut row[..count]);
+                if let Some(value) = inputs.next() {
+                    *value = row[0];
+                }
+                continue;
+            }
             let (row, rest) = reference.split_at_mut(count);
             stimulus::evaluate(&stimulus.waveform, time_s, row);
             reference = rest;
@@ -233,9 +244,15 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         rows.sent_stimulus.copy_from_slice(&rows.stimulus);
         plant.tuning.overrule(step, &mut rows.sent_stimulus);
+        let (reference, inputs) = rows.sent_stimulus.split_at(plant.reference.len());
+        plant.faults.input(step, inputs, &mut rows.input);
+        if let Err(bad) = plant.inputs.guard.check(&rows.input) {
+            self.diverged(step, &format!("input {bad}"))?;
+            return Ok(false);
+        }
         self.sample.age_steps = plant.faults.sample(
             step,
-            (&rows.sensed, &rows.sent_stimulus),
+            (&rows.sensed, reference),
             &mut rows.sample,
             &mut rows.invalid,
         );

@@ -140,6 +140,7 @@ pub(super) fn job(steps: u64) -> Job {
         parameters: Settings::of(&Parameters::default()),
         limits: vec![],
         safe_command: Settings::default(),
+        inputs: Settings::default(),
     };
     Job {
         stimuli: vec![Stimulus {

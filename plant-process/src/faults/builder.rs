@@ -26,6 +26,7 @@ pub struct FaultBuilder {
     measured: Vec<Field>,
     reference: Vec<Field>,
     commands: Vec<Field>,
+    inputs: Vec<Field>,
     kinds: Vec<FaultKindEntry>,
     pub(super) rate: Rate,
     pub(super) seed: u64,
@@ -73,11 +74,18 @@ impl FaultBuilder {
             measured: plant.measured.clone(),
             reference: reference.to_vec(),
             commands: plant.commands.clone(),
+            inputs: Vec::new(),
             kinds: kinds.to_vec(),
             rate,
             seed,
             derived: derived.to_vec(),
         })
+    }
+
+    /// Adds the inputs of the plant that the scenario drives.
+    #[must_use]
+    pub fn with_inputs(self, inputs: Vec<Field>) -> Self {
+        Self { inputs, ..self }
     }
 
     /// Returns the number of signals in a sample.
@@ -88,6 +96,11 @@ impl FaultBuilder {
     /// Returns the number of the plant's commands.
     pub(super) fn commands(&self) -> usize {
         self.commands.len()
+    }
+
+    /// Returns the number of driven inputs of the plant.
+    pub(super) fn inputs(&self) -> usize {
+        self.inputs.len()
     }
 
     /// Builds the fault of an event; `columns` are the columns of a record, for conditions.
@@ -204,6 +217,7 @@ impl FaultBuilder {
             signals: match place {
                 Place::Signal(Direction::Sample, _) => self.sample_width(),
                 Place::Signal(Direction::Command, _) => self.commands(),
+                Place::Signal(Direction::Input, _) => self.inputs(),
                 _ => 0,
             },
         })?;
@@ -243,6 +257,9 @@ impl FaultBuilder {
             }
             (ActsOn::Signals | ActsOn::Numbers, "command") => {
                 signal(Direction::Command, &self.commands, 0, name)
+            }
+            (ActsOn::Signals | ActsOn::Numbers, "input") => {
+                signal(Direction::Input, &self.inputs, 0, name)
             }
             (ActsOn::Numbers, "parameter") => {
                 let index = self.parameter(name)?;

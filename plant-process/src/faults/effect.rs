@@ -18,13 +18,15 @@ use super::arrivals::Arrivals;
 use super::kind::{Fault, Moment};
 use super::profile::gain;
 
-/// Direction of the link.
+/// Direction of a signal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Direction {
     /// Plant to controller.
     Sample,
     /// Controller to plant.
     Command,
+    /// Scenario to plant, not over the link.
+    Input,
 }
 
 /// Action of an effect.
@@ -33,7 +35,8 @@ pub(super) enum Action {
     Move(Vec<(usize, Operation, f64)>),
     /// Changes a parameter.
     Parameter(usize, Box<dyn Fault>),
-    /// Changes a signal: a signal of the sample (measured signals, then reference signals), or a command of the plant.
+    /// Changes a signal: of the sample, measured signals and then reference signals; or a command or driven input of the
+    /// plant.
     Signal(Direction, usize, Box<dyn Fault>),
     /// Changes the arrivals; includes the arrivals as if no other fault followed this one.
     Link(Direction, Box<dyn Fault>, Box<Arrivals>),

@@ -55,6 +55,7 @@ pub struct SavedFaults {
     parameters: SavedParameters,
     sample: SavedPath,
     command: SavedPath,
+    input: SavedPath,
     timing: Vec<usize>,
 }
 
@@ -71,6 +72,8 @@ struct Targets {
     parameters: Parameters,
     sample: SignalPath,
     command: SignalPath,
+    /// Driven inputs of the plant, which cross no link.
+    input: SignalPath,
     timing: Timing,
 }
 
@@ -106,6 +109,7 @@ impl FaultLayer {
                 parameters: Parameters::new(&builder.parameters, &builder.healthy),
                 sample: SignalPath::new(builder.sample_width(), FrameKind::Sample),
                 command: SignalPath::new(builder.commands(), FrameKind::Command),
+                input: SignalPath::new(builder.inputs(), FrameKind::Sample),
                 timing: Timing::default(),
             },
             told: VecDeque::new(),
@@ -124,6 +128,7 @@ impl FaultLayer {
             parameters: self.targets.parameters.save(),
             sample: self.targets.sample.save(),
             command: self.targets.command.save(),
+            input: self.targets.input.save(),
             timing: self.targets.timing.stack().clone(),
         })
     }
@@ -139,6 +144,7 @@ impl FaultLayer {
         targets.parameters.restore(saved.parameters)?;
         targets.sample.restore(saved.sample)?;
         targets.command.restore(saved.command)?;
+        targets.input.restore(saved.input)?;
         targets.timing.restore(&saved.timing);
         Ok(())
     }
@@ -218,6 +224,16 @@ impl FaultLayer {
         let (path, effects, rate) = (&mut self.targets.sample, &mut self.effects, self.rate);
         path.apply_signal_faults(effects, step, rate, (row, invalid));
         path.apply_link_faults(effects, step, rate, (row, invalid), 0)
+    }
+
+    /// Turns the inputs of the plant that the scenario drives into those that it applies.
+    pub fn input(&mut self, step: Step, driven: &[f64], row: &mut [f64]) {
+        row.copy_from_slice(driven);
+        if row.is_empty() {
+            return;
+        }
+        let (path, effects) = (&mut self.targets.input, &mut self.effects);
+        path.apply_signal_faults(effects, step, self.rate, (row, &mut [0; VALIDITY_WORDS]));
     }
 
     /// Returns the controller's timing directive, and the plant's busy time in ns.
@@ -395,8 +411,9 @@ impl Targets {
             Action::Move(_) | Action::Parameter(..) | Action::Over => self.parameters.stack(),
             Action::Signal(Direction::Sample, ..) => self.sample.signals(),
             Action::Signal(Direction::Command, ..) => self.command.signals(),
-            Action::Link(Direction::Sample, ..) => self.sample.link(),
+            Action::Signal(Direction::Input, ..) => self.input.signals(),
             Action::Link(Direction::Command, ..) => self.command.link(),
+            Action::Link(..) => self.sample.link(),
             Action::Skip(..) | Action::Busy(..) => self.timing.stack(),
         }
     }

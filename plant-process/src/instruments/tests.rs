@@ -43,6 +43,7 @@ fn job(seed: u64, sensors: Vec<Instrument>, actuators: Vec<Instrument>) -> Job {
         parameters: Settings::default(),
         limits: vec![],
         safe_command: Settings::default(),
+        inputs: Settings::default(),
     };
     Job {
         sensors,

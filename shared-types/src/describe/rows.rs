@@ -18,10 +18,11 @@ impl PlantDescription {
         for (table, fields) in [
             ("truth", &self.truth),
             ("measured", &self.measured),
-            ("commands", &self.commands),
+            ("commands", &without_starts(&self.commands)),
         ] {
             check_signals(table, &whose, fields)?;
         }
+        check_starts(&whose, &self.commands)?;
         Ok(())
     }
 }
@@ -57,6 +58,25 @@ fn check_parameters(table: &str, whose: &str, fields: &[Field]) -> Result<(), In
         )),
         _ => None,
     })
+}
+
+/// Checks the start values of a plant's commands.
+fn check_starts(whose: &str, commands: &[Field]) -> Result<(), Invalid> {
+    check_each("commands", whose, commands, |field| match field.default {
+        Some(start) if !(start.is_finite() && field.admits(start)) => Some(format!(
+            "has the start value {start}, outside {} to {}",
+            field.min, field.max
+        )),
+        _ => None,
+    })
+}
+
+fn without_starts(commands: &[Field]) -> Vec<Field> {
+    let without = |field: &Field| Field {
+        default: None,
+        ..field.clone()
+    };
+    commands.iter().map(without).collect()
 }
 
 fn check_signals(table: &str, whose: &str, fields: &[Field]) -> Result<(), Invalid> {

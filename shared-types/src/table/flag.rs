@@ -20,6 +20,15 @@ pub fn tunable(field: Field) -> Field {
     }
 }
 
+/// Tells a parameter that is left out from one with its default value.
+#[must_use]
+pub fn optional(field: Field) -> Field {
+    Field {
+        is_optional: true,
+        ..field
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use crate::table::Table;
@@ -47,5 +56,25 @@ mod tests {
             [(true, true), (true, true), (false, true), (false, false)]
         );
         assert_eq!(Open::default().row(), [1.0; 4]);
+    }
+
+    #[test]
+    fn a_command_can_have_a_start_value_beside_one_without() {
+        crate::table! {
+            /// Commands.
+            struct Command {
+                /// Voltage.
+                voltage_v: "V",
+                /// Ambient temperature.
+                ambient_k: "K" start 293.15 in 200.0..=400.0,
+                /// Wind.
+                wind_mps: "m/s" start (-2.5) in (-50.0)..=50.0,
+            }
+        }
+        let starts: Vec<_> = (Command::fields().iter())
+            .map(|field| field.default)
+            .collect();
+        assert_eq!(starts, [None, Some(293.15), Some(-2.5)]);
+        assert_eq!(Command::default().row(), [0.0, 293.15, -2.5]);
     }
 }

@@ -43,6 +43,7 @@ impl Tape {
             reference: fields("reference"),
             command: fields("command"),
             internal: fields("internal"),
+            input: Vec::new(),
             parameter: fields("parameter"),
             command_signals: 0,
             command_places: Vec::new(),

@@ -76,6 +76,7 @@ fn layout() -> RecordLayout {
         reference: reference(),
         command: plant.commands.clone(),
         internal: law.internals.clone(),
+        input: Vec::new(),
         command_signals: plant.commands.len() + law.internals.len(),
         command_places: (0..plant.commands.len()).collect(),
         parameter: faultable.cloned().collect(),

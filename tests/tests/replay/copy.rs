@@ -41,6 +41,7 @@ impl Copy {
             command_places: (0..command.len()).collect(),
             command,
             internal,
+            input: Vec::new(),
             parameter: fields("parameter"),
         };
         let columns = reader

@@ -165,6 +165,7 @@ pub fn jobs(
         parameters: Settings::default(),
         limits: Vec::new(),
         safe_command: Settings::default(),
+        inputs: Settings::default(),
     };
     let plant = plant_process::job::Job {
         observed: false,
@@ -191,6 +192,7 @@ mod tests {
             reference: fields("reference", 1),
             command: fields("command", 3),
             internal: measured_law(8).description.internals,
+            input: Vec::new(),
             command_signals: 4,
             command_places: vec![0, 1, 2],
             parameter: Vec::new(),

@@ -50,7 +50,7 @@ extern "C" {
 #endif
 
 /* Version of this header, for the member `api`. A library of another version refuses the program. */
-#define HIL_API 1u
+#define HIL_API 2u
 
 /* Tables. */
 
@@ -126,6 +126,9 @@ typedef struct hil_plant {
     int (*save)(const void *self, void *bytes);
     int (*restore)(void *self, const void *bytes);
     void (*end)(void *self); /* after the last call, where start gave HIL_OK; may be NULL */
+    /* Start value of each command, NAN where there is none; may be NULL. A scenario names it in [plant.inputs], as
+     * T_AMB = "start", for an input that no law commands, and the law `hold` begins with it. */
+    const double *start_commands;
 } hil_plant;
 
 /* `int main(int argc, char **argv) { return hil_plant_main(argc, argv, &plant); }` */

@@ -321,6 +321,7 @@ mod tests {
             reference: fields(3),
             command: fields(2),
             internal: fields(1),
+            input: Vec::new(),
             command_signals: 3,
             command_places: vec![1, 0],
             parameter: Vec::new(),
@@ -399,7 +400,7 @@ mod tests {
         excerpt.take(&words, &layout.view(&words));
         let (sample_words, command_words, groups) = excerpt.form();
         assert_eq!((sample_words, command_words), (1, 1));
-        assert_eq!(groups.map(<[Field]>::len), [0, 10, 1, 1, 0, 1, 0, 0, 0]);
+        assert_eq!(groups.map(<[Field]>::len), [0, 10, 1, 1, 0, 1, 0, 0, 0, 0]);
         let (_, row) = excerpt.next(false).expect("a row");
         // Measured 60 to 69 and reference 1; command 1 and internal 0.
         assert_eq!(row[..3], [7, 0b101 | 1 << 10, 0b11]);

@@ -58,7 +58,7 @@ fn jobs_of(
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
     let (plant, law) = both
         .ok_or_else(|| Failure::infrastructure("the plan's plant or law is not built into hil"))?;
-    let layout = plan.record_layout(plant, &law);
+    let layout = plan.record_layout(&plant, &law);
     let plant = PlantJob {
         law: Some(law),
         ..PlantJob::of(plan, NO_SESSION, f64::INFINITY)

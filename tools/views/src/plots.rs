@@ -148,6 +148,7 @@ pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
     chooser.tracking();
     chooser.derived();
     chooser.together("Commands", chooser.fresh("command"), |one| one.unit);
+    chooser.together("Inputs", chooser.fresh("input"), |one| one.unit);
     chooser.controller();
     chooser.together("Plant", chooser.fresh("truth"), Signal::family);
     chooser.interface();

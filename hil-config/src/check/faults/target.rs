@@ -6,6 +6,7 @@ use shared_types::table::Field;
 use super::EventContext;
 use crate::document::Value;
 use crate::expression::{Columns, Group};
+use crate::plan::PLANT_TARGET;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
 
@@ -107,9 +108,13 @@ pub(super) struct Target {
     pub unit: String,
 }
 
-/// Describes the targets of a fault kind.
-const fn described(acts_on: ActsOn) -> &'static str {
+/// Describes the targets of a fault kind, in a run with or without driven inputs of the plant.
+const fn described(acts_on: ActsOn, has_inputs: bool) -> &'static str {
     match acts_on {
+        ActsOn::Signals if has_inputs => "a signal: measured.x, reference.x, command.x or input.x",
+        ActsOn::Numbers if has_inputs => {
+            "a signal (measured.x, reference.x, command.x, input.x) or a faultable parameter (parameter.x)"
+        }
         ActsOn::Signals => "a signal: measured.x, reference.x or command.x",
         ActsOn::Numbers => {
             "a signal (measured.x, reference.x, command.x) or a faultable parameter (parameter.x)"
@@ -123,11 +128,17 @@ const fn described(acts_on: ActsOn) -> &'static str {
 /// Lists the groups of signals and parameters on which a kind acts.
 const fn groups_of(acts_on: ActsOn) -> &'static [Group] {
     match acts_on {
-        ActsOn::Signals => &[Group::Measured, Group::Reference, Group::Command],
+        ActsOn::Signals => &[
+            Group::Measured,
+            Group::Reference,
+            Group::Command,
+            Group::Input,
+        ],
         ActsOn::Numbers => &[
             Group::Measured,
             Group::Reference,
             Group::Command,
+            Group::Input,
             Group::Parameter,
         ],
         ActsOn::Links | ActsOn::Sides | ActsOn::Controller => &[],
@@ -154,6 +165,7 @@ fn fields<'a>(context: &EventContext<'a>, group: Group) -> Option<Vec<&'a Field>
         Group::Measured => plant.measured.iter().collect(),
         Group::Command => plant.commands.iter().collect(),
         Group::Reference => context.reference?.iter().collect(),
+        Group::Input => context.inputs?.iter().collect(),
         _ => faultable(plant).collect(),
     })
 }
@@ -215,6 +227,13 @@ pub(super) fn of_kind(
             ProblemKind::UnknownName,
             format!("no stimulus provides the reference signal `{last}`"),
         ),
+        Group::Input => (
+            ProblemKind::UnknownName,
+            format!(
+                "no stimulus drives the input `{last}` of plant `{}`",
+                plant.name
+            ),
+        ),
         _ => (
             ProblemKind::UnknownName,
             format!("plant `{}` has no signal `{name}`", plant.name),
@@ -232,6 +251,11 @@ pub(super) fn of_kind(
         ));
     if !is_fixed {
         problem.nearest = columns.nearest(name);
+    }
+    if group == Group::Input {
+        problem.help(format!(
+            "[[stimuli]] with target = \"{PLANT_TARGET}{last}\" drives an input; one without a course cannot be faulted"
+        ));
     }
     None
 }
@@ -256,7 +280,10 @@ fn refuse(
     };
     let problem = reader
         .report_at(section, "target", sort, message)
-        .expected(described(acts_on));
+        .expected(described(
+            acts_on,
+            context.inputs.is_some_and(|inputs| !inputs.is_empty()),
+        ));
     if !exists {
         let possible = Columns::named(possible(context, acts_on));
         problem.nearest = possible.nearest(name);

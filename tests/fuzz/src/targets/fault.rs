@@ -72,6 +72,7 @@ fn typed(line: &str) -> Option<String> {
         rate: small_plan().run.rate,
         plant: plant().clone(),
         reference: reference(),
+        inputs: Vec::new(),
         kinds: rig().kinds.clone(),
     };
     match inject::toml(&arguments, &possible) {

@@ -310,7 +310,7 @@ impl Cases {
         let binaries = self.binaries_with(&plan.programs)?;
         let (plants, laws, _) = self.described(binaries.as_deref());
         let both = plan.plant_among(plants).zip(plan.law_among(laws));
-        both.map(|(plant, law)| plan.record_layout(plant, &law))
+        both.map(|(plant, law)| plan.record_layout(&plant, &law))
             .ok_or_else(|| Failure::infrastructure("the plant or law of a case is missing"))
     }
 

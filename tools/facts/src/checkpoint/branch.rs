@@ -5,7 +5,7 @@
 //! its target, its times and its profile, and only its magnitudes may change from there on; a fault that has not begun
 //! may not begin earlier. Duration, clock and metrics are free.
 
-use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger};
+use hil_config::plan::{Change, Clock, FaultAction, FaultEvent, Plan, Stimulus, Trigger, driven};
 use plant_process::stimulus;
 use shared_types::describe::Settings;
 use shared_types::number::exact;
@@ -116,6 +116,10 @@ impl Check<'_> {
             ("controller.made_for", law.made_for == law_now.made_for),
             ("connect", law.connections == law_now.connections),
             (
+                "plant.inputs",
+                names(&plant.inputs) == names(&plant_now.inputs),
+            ),
+            (
                 "controller.rate_hz",
                 law.rate_divisor == law_now.rate_divisor,
             ),
@@ -127,6 +131,7 @@ impl Check<'_> {
             .collect();
         let of_law = format!("controller.{}", law.law);
         let tables = [
+            ("plant.inputs", &plant.inputs, &plant_now.inputs),
             ("plant.parameters", &plant.parameters, &plant_now.parameters),
             (&*of_law, &law.parameters, &law_now.parameters),
             ("controller.model", &law.model, &law_now.model),
@@ -153,13 +158,21 @@ impl Check<'_> {
             self.refuse("the reference signals and their derivatives must stay the same");
             return;
         }
+        if driven(then) != driven(now) {
+            self.refuse("the inputs of the plant that stimuli drive must stay the same");
+            return;
+        }
         for (then, now) in then.iter().zip(now) {
             if then != now
                 && let Some(step) = self.first_difference(then, now)
             {
                 let (target, at, begin) = (&then.target, self.at(step), self.at(self.step));
+                let what = match then.input() {
+                    Some(_) => "input",
+                    None => "reference signal",
+                };
                 self.refuse(format!(
-                    "reference signal {target} would already differ at {at}; it may differ from {begin} on"
+                    "{what} {target} would already differ at {at}; it may differ from {begin} on"
                 ));
             }
         }
@@ -270,6 +283,10 @@ impl Check<'_> {
 }
 
 /// Returns the settings that differ, by name.
+fn names(settings: &Settings) -> Vec<&String> {
+    settings.0.keys().collect()
+}
+
 fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&'a str, f64, f64)> {
     then.0.iter().filter_map(|(name, then)| {
         let (then, now) = (then.0, now.get(name)?);

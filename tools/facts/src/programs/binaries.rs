@@ -213,7 +213,7 @@ impl Binaries {
     pub fn record_layout(&self, plan: &Plan) -> Result<RecordLayout, Failure> {
         let (plants, laws, _) = self.described();
         let both = plan.plant_among(plants).zip(plan.law_among(laws));
-        both.map(|(plant, law)| plan.record_layout(plant, &law))
+        both.map(|(plant, law)| plan.record_layout(&plant, &law))
             .ok_or_else(|| {
                 Failure::infrastructure("the plan's plant or law is missing in its binary")
             })

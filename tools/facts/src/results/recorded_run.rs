@@ -93,7 +93,7 @@ impl RecordedRun {
         let controller_program = description("controller-description.json")?;
         let text = reader.attachment("scenario.toml").map_err(Failure::usage)?;
         let plan = plan(text, &plant_program, &controller_program)?;
-        let plant = plan.plant_among(&plant_program.plants).cloned();
+        let plant = plan.plant_among(&plant_program.plants);
         let law = plan.law_among(&controller_program.laws);
         // A scenario can be checked only with both descriptions.
         let (Some(plant), Some(law)) = (plant, law) else {

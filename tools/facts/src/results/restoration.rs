@@ -13,6 +13,7 @@ use crate::results::recorded::{Recorded, Stretch};
 
 /// Groups of a record in the order of computation: the first difference is the cause.
 const ORDER: [(&str, Side); HASHED_GROUPS] = [
+    ("input", Side::Plant),
     ("measured", Side::Plant),
     ("reference", Side::Plant),
     ("command", Side::Controller),

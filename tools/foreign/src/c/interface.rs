@@ -3,7 +3,7 @@
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `HIL_API`: version of the header.
-pub const API: u32 = 1;
+pub const API: u32 = 2;
 /// `HIL_FAULTABLE`.
 pub const FAULTABLE: c_uint = 1;
 /// `HIL_TUNABLE`.
@@ -164,6 +164,8 @@ pub struct Plant {
     pub restore: Option<Restore>,
     /// Called once at the end.
     pub end: Option<End>,
+    /// Start value of each command, NaN for none; may be null.
+    pub start_commands: *const f64,
 }
 
 /// `hil_controller`.

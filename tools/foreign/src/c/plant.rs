@@ -11,7 +11,7 @@ use crate::crash::calling;
 use super::interface::{Advance, Interval, Plant, TakeRow, WriteRow, WriteTruth};
 use super::memory::{Memory, Saving};
 use super::reason::outcome;
-use super::tables::{check_form, parameters, required, saving, signals, text};
+use super::tables::{check_form, parameters, required, saving, signals, starts, text};
 
 /// Functions of a plant, and the lengths of its rows.
 #[derive(Clone, Copy, Debug)]
@@ -53,7 +53,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
             parameters: parameters(&plant.parameters, "parameters")?,
             truth: signals(&plant.truth, "truth")?,
             measured: signals(&plant.measured, "measured")?,
-            commands: signals(&plant.commands, "commands")?,
+            commands: starts(signals(&plant.commands, "commands")?, plant.start_commands),
             faults: Vec::new(),
             saves: saving.is_some(),
         }

@@ -117,6 +117,23 @@ pub(super) unsafe fn signals(table: &Rows<Signal>, name: &str) -> Result<Vec<Fie
     rows.iter().enumerate().map(field).collect()
 }
 
+/// Adds the start values of commands; NaN means none.
+///
+/// # Safety
+/// The pointer is null or points to as many numbers as there are commands.
+pub(super) unsafe fn starts(commands: Vec<Field>, values: *const f64) -> Vec<Field> {
+    if values.is_null() || commands.is_empty() {
+        return commands;
+    }
+    // SAFETY: guaranteed by the caller; the number of commands is far below the limit of slices.
+    let values = unsafe { slice::from_raw_parts(values, commands.len()) };
+    let with_start = |(field, value): (Field, &f64)| Field {
+        default: Some(*value).filter(|value| !value.is_nan()),
+        ..field
+    };
+    commands.into_iter().zip(values).map(with_start).collect()
+}
+
 /// Converts the columns of a table of parameters.
 ///
 /// # Safety

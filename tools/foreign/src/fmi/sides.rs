@@ -132,11 +132,12 @@ fn fields(columns: &[Column]) -> Vec<Field> {
     columns.iter().map(|column| column.field.clone()).collect()
 }
 
-/// Returns a signal without range limits.
+/// Returns a signal without range limits and start value.
 fn free(field: &Field) -> Field {
     Field {
         min: f64::NEG_INFINITY,
         max: f64::INFINITY,
+        default: None,
         ..field.clone()
     }
 }

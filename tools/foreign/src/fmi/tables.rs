@@ -293,7 +293,8 @@ fn column(
     let min = variable.min.filter(is_above).unwrap_or(low);
     let max = variable.max.filter(is_below).unwrap_or(high);
     let start = variable.start.get(element).copied();
-    let start = start.filter(|_| is_parameter);
+    let is_input = variable.causality == Causality::Input;
+    let start = start.filter(|_| is_parameter || is_input);
     let is_legal = |start: &f64| {
         let is_item = variable.items.is_empty() || variable.items.contains(start);
         (min..=max).contains(start) && is_item
@@ -308,7 +309,7 @@ fn column(
     if name != foreign {
         text = format!("{text} `{}` in the FMU.", line(&foreign, LONGEST_TEXT));
     }
-    if let Some(start) = start.filter(|start| !is_legal(start)) {
+    if let Some(start) = start.filter(|start| is_parameter && !is_legal(start)) {
         text = format!("{text} Must be set: its start value in the FMU, {start}, is not allowed.");
     }
     if !variable.items.is_empty() {

@@ -71,8 +71,8 @@ fn instruments(plan: &Plan, binaries: &Binaries, shown: &ShowArguments) -> Resul
     let plant = (plan.plant_among(plants))
         .ok_or_else(|| Failure::usage(format!("no plant `{}`", plan.plant.model)))?;
     let text = match shown.scenario.json {
-        true => figures::json(plan, plant, &shown.at_hz).map(|value| format!("{value:#}\n")),
-        false => figures::text(plan, plant, &shown.at_hz),
+        true => figures::json(plan, &plant, &shown.at_hz).map(|value| format!("{value:#}\n")),
+        false => figures::text(plan, &plant, &shown.at_hz),
     };
     text.map_err(Failure::usage)
 }

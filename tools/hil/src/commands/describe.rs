@@ -158,7 +158,7 @@ fn write_fields(text: &mut String, title: &str, fields: &[Field]) -> Written {
 /// Formats default and range, if any, and whether `hil set` or a fault can change the value.
 fn values(field: &Field) -> String {
     let mut parts = Vec::new();
-    parts.extend(field.default.map(exact));
+    parts.extend(field.default.filter(|_| !field.is_optional).map(exact));
     if field.min.is_finite() || field.max.is_finite() {
         parts.push(format!("in {} to {}", exact(field.min), exact(field.max)));
     }

@@ -128,13 +128,13 @@ pub struct ListedKind {
     pub keys: Vec<(String, String)>,
 }
 
-/// Returns the fault kinds of a plant, its own and the common ones.
+/// Returns the fault kinds of a plant with these reference signals and driven inputs, its own and the common ones.
 pub fn kinds_of(
     plant: &PlantDescription,
-    reference: &[Field],
+    driven: [&[Field]; 2],
     shared: &[FaultKindDescription],
 ) -> Vec<ListedKind> {
-    let listing = Listing::new(plant, reference, shared);
+    let listing = Listing::new(plant, driven, shared);
     (listing.faults.into_iter())
         .map(|entry| {
             let selector = (entry.selector.into_iter())
@@ -167,7 +167,7 @@ fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, RequestError> {
 fn of_binary(description: &Description, model: Option<&str>) -> Result<Vec<Listing>, Refusal> {
     let is_meant = |plant: &&PlantDescription| model.is_none_or(|model| plant.name == model);
     let listings: Vec<Listing> = (description.plants.iter().filter(is_meant))
-        .map(|plant| Listing::new(plant, &[], &description.faults))
+        .map(|plant| Listing::new(plant, [&[], &[]], &description.faults))
         .collect();
     if let (true, Some(model)) = (listings.is_empty(), model) {
         let names: Vec<&str> = description
@@ -189,18 +189,25 @@ impl Listing {
         Self {
             session,
             rate_hz: Some(possible.rate.hz()),
-            ..Self::new(&possible.plant, &possible.reference, &possible.kinds)
+            ..Self::new(
+                &possible.plant,
+                [&possible.reference, &possible.inputs],
+                &possible.kinds,
+            )
         }
     }
 
-    fn new(plant: &PlantDescription, reference: &[Field], kinds: &[FaultKindDescription]) -> Self {
+    /// Lists the faults of a plant with these reference signals and driven inputs.
+    fn new(
+        plant: &PlantDescription,
+        driven: [&[Field]; 2],
+        kinds: &[FaultKindDescription],
+    ) -> Self {
         let own = plant
             .faults
             .iter()
             .map(|fault| Entry::of_plant(fault, plant));
-        let shared = kinds
-            .iter()
-            .map(|kind| Entry::shared(kind, plant, reference));
+        let shared = kinds.iter().map(|kind| Entry::shared(kind, plant, driven));
         Self {
             session: None,
             plant: plant.name.clone(),
@@ -237,7 +244,11 @@ impl Entry {
         }
     }
 
-    fn shared(kind: &FaultKindDescription, plant: &PlantDescription, reference: &[Field]) -> Self {
+    fn shared(
+        kind: &FaultKindDescription,
+        plant: &PlantDescription,
+        [reference, inputs]: [&[Field]; 2],
+    ) -> Self {
         let of = |group: &str, fields: &[Field]| -> Vec<String> {
             fields
                 .iter()
@@ -249,6 +260,7 @@ impl Entry {
                 of("measured", &plant.measured),
                 of("reference", reference),
                 of("command", &plant.commands),
+                of("input", inputs),
             ]
             .concat()
         };

@@ -7,7 +7,7 @@ use clap::builder::StyledStr;
 use clap::{Arg, Command};
 use clap_complete::engine::{CompletionCandidate, PathCompleter, ValueCompleter};
 use hil_config::expression::Columns;
-use hil_config::plan::{PLANT_KEYS, REFERENCE_KEYS, law_keys};
+use hil_config::plan::{INPUT_KEYS, PLANT_KEYS, REFERENCE_KEYS, driven, law_keys};
 use hil_config::show::show;
 use hil_console::files::runs;
 use hil_facts::session::inject::{ListedKind, kinds_of};
@@ -240,13 +240,13 @@ fn tunable(subject: &Subject) -> Vec<(String, String)> {
         plant,
         controller,
     } = subject;
-    let plant = plan.plant_among(&plant.plants).into_iter();
+    let plant = plan.plant_among(&plant.plants);
     let keys = |group: &str, field: &Field| {
         let key = |name: &str| format!("{group}{name}");
         let keys = field.names().map(|name| (key(name), key(&field.name)));
         keys.collect::<Vec<_>>()
     };
-    let of_plant = plant
+    let of_plant = { plant.iter() }
         .flat_map(|plant| &plant.parameters)
         .filter(|field| field.tunable || field.faultable)
         .flat_map(|field| keys(PLANT_KEYS, field));
@@ -258,13 +258,19 @@ fn tunable(subject: &Subject) -> Vec<(String, String)> {
     of_plant.chain(of_law).collect()
 }
 
-/// Returns the reference signals of the session as keys of `hil set`, with their units.
+/// Returns the reference signals and driven inputs of the session as keys of `hil set`, with their units.
 fn references(line: &Line) -> impl Iterator<Item = (String, String)> {
     let stimuli = line.subject().map(|subject| subject.plan.stimuli);
     (stimuli.into_iter().flatten()).flat_map(|stimulus| {
         let unit = unit_shown(&stimulus.unit).to_owned();
-        let names = [stimulus.target].into_iter().chain(stimulus.aliases);
-        names.map(move |name| (format!("{REFERENCE_KEYS}{name}"), unit.clone()))
+        let group = match stimulus.input() {
+            Some(_) => INPUT_KEYS,
+            None => REFERENCE_KEYS,
+        };
+        let further = stimulus.aliases.iter();
+        let further = further.map(|alias| format!("{group}{alias}"));
+        let keys: Vec<String> = std::iter::once(stimulus.key()).chain(further).collect();
+        keys.into_iter().map(move |key| (key, unit.clone()))
     })
 }
 
@@ -279,7 +285,7 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
         return Vec::new();
     };
     let both = (plan.plant_among(&plant.plants)).zip(plan.law_among(&controller.laws));
-    let layout = both.map(|(plant, law)| plan.record_layout(plant, &law));
+    let layout = both.map(|(plant, law)| plan.record_layout(&plant, &law));
     let columns = layout.as_ref().map(|layout| columns_of(layout, &[]));
     let aliases = layout.map(|layout| Columns::from(&layout).aliases());
     let columns = columns.unwrap_or_default();
@@ -292,25 +298,32 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
 }
 
 /// Returns the plants in question (those of the running session or the built-in ones), with the session's reference
-/// signals and the fault kinds common to all plants.
-fn plants(line: &Line) -> (Vec<PlantDescription>, Vec<Field>, Vec<FaultKindDescription>) {
+/// signals and driven inputs, and the fault kinds common to all plants.
+fn plants(
+    line: &Line,
+) -> (
+    Vec<PlantDescription>,
+    [Vec<Field>; 2],
+    Vec<FaultKindDescription>,
+) {
     if let Some(notice) = line.notice()
         && let Ok(plan) = notice.plan()
     {
         let mut plant = notice.plant;
-        plant.plants.retain(|one| one.name == plan.plant.model);
-        let reference = plan.stimuli.iter().flat_map(|stimulus| stimulus.fields());
-        return (plant.plants, reference.collect(), plant.faults);
+        plant.plants = plan.plant_among(&plant.plants).into_iter().collect();
+        let signals = [plan.reference(), driven(&plan.stimuli)];
+        return (plant.plants, signals, plant.faults);
     }
     let [plant, _] = built_in();
-    (plant.plants, Vec::new(), plant.faults)
+    (plant.plants, Default::default(), plant.faults)
 }
 
 /// Lists fault kinds of the running session or of the built-in plants.
 fn kinds(line: &Line) -> Vec<ListedKind> {
-    let (plants, reference, shared) = plants(line);
+    let (plants, signals, shared) = plants(line);
+    let [reference, inputs] = &signals;
     let mut kinds: Vec<ListedKind> = (plants.iter())
-        .flat_map(|one| kinds_of(one, &reference, &shared))
+        .flat_map(|one| kinds_of(one, [reference, inputs], &shared))
         .collect();
     kinds.sort_by(|a, b| a.kind.cmp(&b.kind));
     kinds
@@ -333,10 +346,10 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
         .collect();
     names.sort_unstable();
     names.dedup();
-    let (plants, reference, _) = plants(line);
+    let (plants, signals, _) = plants(line);
     let further = names.iter().flat_map(|target| {
         let about = format!("another name of {target}");
-        let aliases = aliases_of(target, &plants, &reference);
+        let aliases = aliases_of(target, &plants, &signals);
         aliases.map(move |alias| candidate(&alias, &about))
     });
     let own = names.iter().map(|name| candidate(name, ""));
@@ -347,7 +360,7 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
 fn aliases_of<'a>(
     target: &'a str,
     plants: &'a [PlantDescription],
-    reference: &'a [Field],
+    [reference, inputs]: &'a [Vec<Field>; 2],
 ) -> impl Iterator<Item = String> + use<'a> {
     let (group, name) = target.split_once('.').unwrap_or((target, ""));
     let of_plants = plants.iter().flat_map(move |plant| match group {
@@ -356,7 +369,11 @@ fn aliases_of<'a>(
         "parameter" => &plant.parameters,
         _ => &[],
     });
-    let of_stimuli = reference.iter().filter(move |_| group == "reference");
+    let of_stimuli = match group {
+        "reference" => &reference[..],
+        "input" => inputs,
+        _ => &[],
+    };
     let fields = of_plants.chain(of_stimuli);
     let fields = fields.filter(move |field| field.name == name);
     fields.flat_map(move |field| {

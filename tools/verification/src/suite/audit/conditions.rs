@@ -146,7 +146,7 @@ fn delayed(reference: &Case, wall_time_s: f64) -> Case {
         condition.skipped = Some("the binaries have no description".into());
         return condition;
     };
-    match RequestContext::of(plan, plant, kinds).check(&text, &law.internals) {
+    match RequestContext::of(plan, &plant, kinds).check(&text, &law.internals) {
         Ok(faults) => condition.plan.faults.extend(faults),
         Err(_) => condition.skipped = Some("the plant's binary has no fault `late`".into()),
     }

@@ -35,6 +35,7 @@ pub(crate) fn possible(plan: &Plan) -> Possible {
         rate: plan.run.rate,
         plant: plant(plan),
         reference: plan.reference(),
+        inputs: hil_config::plan::driven(&plan.stimuli),
         kinds: possible_kinds(),
     }
 }
@@ -42,7 +43,7 @@ pub(crate) fn possible(plan: &Plan) -> Possible {
 fn plant(plan: &Plan) -> PlantDescription {
     let plants = plant_process::models::all().into_iter();
     let plants: Vec<_> = plants.map(|kind| kind.description).collect();
-    plan.plant_among(&plants).expect("built in").clone()
+    plan.plant_among(&plants).expect("built in")
 }
 
 /// Returns the layout of the scenario's records.

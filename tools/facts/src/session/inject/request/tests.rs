@@ -12,6 +12,7 @@ pub(crate) fn possible() -> Possible {
     Possible {
         rate: Rate::new(1e4).expect("a rate"),
         reference: plant.measured.clone(),
+        inputs: Vec::new(),
         plant,
         kinds: rig::kinds(),
     }

@@ -1,16 +1,26 @@
-//! Stimuli: the rig's reference signals as functions of time.
+//! Stimuli: reference signals and driven inputs as functions of time.
 //!
 //! Called by the engine at every step for every stimulus of the scenario. A stimulus depends on time alone; it has no
 //! access to the plant, keeps no state and never allocates. Derivatives are exact: truncated Taylor arithmetic, no
 //! differences.
 
+mod multisine;
+mod prbs;
+mod pulse;
+mod sequence;
 mod taylor;
 
 use std::f64::consts::TAU;
 
-use hil_config::plan::{Sweep, Waveform};
+use crate::plan::{Sweep, Waveform};
 
 use self::taylor::Taylor;
+
+pub use self::multisine::Multisine;
+pub(crate) use self::multisine::schroeder;
+pub use self::prbs::Prbs;
+pub use self::pulse::{Pulse, Square};
+pub use self::sequence::{Part, Sequence};
 
 /// Writes the value and the time derivatives of a waveform in ascending order.
 ///
@@ -61,6 +71,11 @@ pub fn evaluate(waveform: &Waveform, time_s: f64, row: &mut [f64]) {
             start,
             end,
         } => row.copy_from_slice(&ramp(time_s - at_s, *duration_s, *start, *end)),
+        Waveform::Square(square) => row.copy_from_slice(&[square.at(time_s)]),
+        Waveform::Pulse(pulse) => row.copy_from_slice(&[pulse.at(time_s)]),
+        Waveform::Prbs(prbs) => row.copy_from_slice(&[prbs.at(time_s)]),
+        Waveform::Multisine(sum) => row.copy_from_slice(&sum.at(time_s).derivatives()),
+        Waveform::Sequence(sequence) => sequence.evaluate(time_s, row),
         Waveform::Table {
             time_s: times_s,
             values,

@@ -1,0 +1,282 @@
+//! Inputs of the plant that no law commands: `[plant.inputs]`, and stimuli for `plant.X`.
+
+use hil_config::live_requests::RequestContext;
+use hil_config::plan::{Plan, driven};
+use hil_config::problem::{Problem, Problems};
+use hil_config::scenario::Scenario;
+use hil_config::show::show;
+use shared_types::describe::PlantDescription;
+use shared_types::live::{ChangeRequest, NewValue};
+use shared_types::table::Field;
+
+use crate::descriptions;
+
+const BASE: &str = r#"schema = 1
+name = "inputs"
+[run]
+duration_s = 2.0
+rate_hz = 100
+[plant]
+model = "spring-mass"
+[plant.inputs]
+ambient_k = 280.0
+[controller]
+law = "pid"
+[[stimuli]]
+target = "position_m"
+kind = "step"
+after = 1.0
+[[stimuli]]
+target = "plant.wind_mps"
+kind = "ramp"
+duration_s = 1.0
+end = 5.0
+"#;
+
+/// Returns the plant of the tests, whose law gives one of three commands.
+fn plants() -> Vec<PlantDescription> {
+    let mut plant = descriptions::plants().remove(1);
+    assert_eq!(plant.name, "spring-mass");
+    plant.commands.push(Field {
+        default: Some(293.15),
+        min: 200.0,
+        max: 400.0,
+        aliases: vec!["room_k".into()],
+        ..Field::signal("ambient_k", "K", "Ambient temperature.")
+    });
+    (plant.commands).push(Field::signal("wind_mps", "m/s", "Wind."));
+    vec![plant]
+}
+
+fn check(text: &str) -> Result<Plan, Problems> {
+    let scenario = Scenario::parse(text, "folder/inputs.toml")?;
+    scenario.check(&plants(), &descriptions::laws(), &descriptions::kinds())
+}
+
+fn plan(text: &str) -> Plan {
+    check(text).unwrap_or_else(|problems| panic!("{problems}\n{text}"))
+}
+
+fn problems(text: &str) -> Vec<Problem> {
+    match check(text) {
+        Ok(_) => panic!("nothing is wrong in\n{text}"),
+        Err(problems) => problems.0,
+    }
+}
+
+/// Returns the base with one piece of text replaced.
+fn with(from: &str, to: &str) -> String {
+    assert_eq!(BASE.matches(from).count(), 1, "`{from}` stands once");
+    BASE.replacen(from, to, 1)
+}
+
+#[test]
+fn driven_inputs_are_neither_commands_nor_references() {
+    let plan = plan(BASE);
+    assert_eq!(plan.plant.inputs.get("ambient_k"), Some(280.0));
+    let names = |fields: &[Field]| {
+        fields
+            .iter()
+            .map(|field| field.name.clone())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(names(&plan.reference()), ["position_m"; 1]);
+    assert_eq!(names(&driven(&plan.stimuli)), ["wind_mps"]);
+    let plant = plan.plant_among(&plants()).expect("it is there");
+    assert_eq!(names(&plant.commands), ["force_n"]);
+    assert!(plan.plant.safe_command.get("ambient_k").is_none());
+    let law = plan.law_among(&descriptions::laws()).expect("it is there");
+    let layout = plan.record_layout(&plant, &law);
+    assert_eq!(
+        (names(&layout.command), names(&layout.input)),
+        (names(&plant.commands), vec!["wind_mps".to_owned()])
+    );
+}
+
+#[test]
+fn an_input_without_a_source_is_refused_with_the_lines_to_paste() {
+    let without = with("[plant.inputs]\nambient_k = 280.0\n", "");
+    let without = without.replace("target = \"plant.wind_mps\"", "target = \"other_mps\"");
+    let problems = problems(&without);
+    let messages: Vec<&str> = problems.iter().map(|one| one.message.as_str()).collect();
+    assert_eq!(
+        messages,
+        [
+            "plant `spring-mass` needs the command `ambient_k` in K, which law `pid` does not provide",
+            "plant `spring-mass` needs the command `wind_mps` in m/s, which law `pid` does not provide",
+        ]
+    );
+    let help = problems[0].help.as_deref().expect("advice");
+    let lines = "[plant.inputs]\nambient_k = \"start\"\nwind_mps = 0.0\n";
+    assert!(help.contains(lines), "{help}");
+    assert!(
+        help.contains("[[stimuli]] with target = \"plant.ambient_k\""),
+        "{help}"
+    );
+    assert!(
+        problems[0]
+            .to_string()
+            .contains("\n    ambient_k = \"start\"\n"),
+        "{}",
+        problems[0]
+    );
+    // The lines are what is missing.
+    let pasted = format!("{without}{lines}");
+    assert_eq!(plan(&pasted).plant.inputs.get("ambient_k"), Some(293.15));
+    // With a table they belong into that one.
+    let help = self::problems(&with("\"plant.wind_mps\"", "\"other_mps\""))[0]
+        .help
+        .clone();
+    let help = help.expect("advice");
+    assert!(
+        help.contains("paste into [plant.inputs]\nwind_mps = 0.0\n"),
+        "{help}"
+    );
+}
+
+#[test]
+fn a_constant_can_be_the_declared_start_and_be_named_by_an_alias() {
+    for value in ["ambient_k = \"start\"", "room_k = \"start\""] {
+        let plan = plan(&with("ambient_k = 280.0", value));
+        assert_eq!(plan.plant.inputs.get("ambient_k"), Some(293.15));
+    }
+}
+
+#[test]
+fn every_faulty_input_is_refused_with_its_reason() {
+    let stimulus = "[[stimuli]]\ntarget = \"plant.wind_mps\"";
+    for (text, messages) in [
+        (
+            with("ambient_k = 280.0", "ambient_k = 500.0"),
+            &["`plant.inputs.ambient_k` is 500, out of range"][..],
+        ),
+        (
+            with("ambient_k = 280.0", "ambient_k = \"warm\""),
+            &["`plant.inputs.ambient_k`"],
+        ),
+        (
+            with(
+                "ambient_k = 280.0",
+                "ambient_k = 280.0\nwind_mps = \"start\"",
+            )
+            .replace("plant.wind_mps", "other_mps"),
+            &[
+                "`plant.inputs.wind_mps` is \"start\", but plant `spring-mass` declares no start for `wind_mps`",
+            ],
+        ),
+        (
+            with("ambient_k = 280.0", "ambient_k = 280.0\nrain = 1.0"),
+            &["plant `spring-mass` has no input `rain`"],
+        ),
+        (
+            with("\"plant.wind_mps\"", "\"plant.win_mps\""),
+            &[
+                "plant `spring-mass` has no input `win_mps`",
+                "needs the command `wind_mps`",
+            ],
+        ),
+        (
+            with("ambient_k = 280.0", "ambient_k = 280.0\nwind_mps = 1.0"),
+            &[
+                "`stimuli[1].target` drives the input `wind_mps`, and so does `plant.inputs.wind_mps`",
+            ],
+        ),
+        (
+            with(
+                stimulus,
+                "[[stimuli]]\ntarget = \"plant.wind_mps\"\nunit = \"km/h\"",
+            ),
+            &[
+                "`stimuli[1].unit` is km/h, but plant `spring-mass` takes the input `wind_mps` in m/s",
+            ],
+        ),
+        (
+            with("ambient_k = 280.0", "ambient_k = 280.0\nforce_n = 1.0"),
+            &[
+                "`plant.inputs.force_n` drives the input `force_n`, and law `pid` of `controller.law` commands it as `command.force_n`",
+            ],
+        ),
+        (
+            with("\"plant.wind_mps\"", "\"plant.force_n\"")
+                .replace("280.0", "280.0\nwind_mps = 0.0"),
+            &[
+                "`stimuli[1].target` drives the input `force_n`, and law `pid` of `controller.law` commands it as `command.force_n`",
+            ],
+        ),
+        (
+            BASE.to_owned()
+                + "[[connect]]\nlaw = \"command.force_n\"\nplant = \"command.wind_mps\"\nfactor = 2.0\n",
+            &["`connect[0].plant` binds the input `wind_mps`, which `stimuli[1].target` drives"],
+        ),
+        (
+            BASE.to_owned() + "[[actuators]]\nsignal = \"wind_mps\"\nbits = 8\nrange = [-1, 1]\n",
+            &["wind_mps"],
+        ),
+        (
+            BASE.to_owned()
+                + "[[faults]]\nkind = \"bias\"\nat_s = 1\n[[faults.effects]]\ntarget = \"input.ambient_k\"\nbias = 1.0\n",
+            &["no stimulus drives the input `ambient_k` of plant `spring-mass`"],
+        ),
+        (
+            BASE.to_owned() + "[[derived]]\nname = \"x_k\"\nexpression = \"input.ambient_k\"\n",
+            &["input.ambient_k"],
+        ),
+    ] {
+        let found = problems(&text);
+        for message in messages {
+            let is_one = found.iter().any(|one| one.message.contains(message));
+            assert!(is_one, "`{message}` in {found:#?}");
+        }
+    }
+}
+
+#[test]
+fn faults_changes_and_expressions_know_a_driven_input() {
+    let text = BASE.to_owned()
+        + "[[faults]]\nkind = \"bias\"\nat_s = 1\n[[faults.effects]]\ntarget = \"input.wind_mps\"\nbias = 1.0\n\
+           [[changes]]\nat_s = 0.5\nset = { input.wind_mps = 2.0 }\n\
+           [[requirements]]\nname = \"calm\"\nformula = \"always (input.wind_mps < 10)\"\n";
+    let plan = plan(&text);
+    assert_eq!(plan.faults[0].effects[0].target, "input.wind_mps");
+    assert_eq!(plan.changes[0].set[0].key, "input.wind_mps");
+    // A request in the run is checked by the same code.
+    let plant = plan.plant_among(&plants()).expect("it is there");
+    let context = RequestContext::of(&plan, &plant, &descriptions::kinds());
+    let fault = "[[faults]]\nkind = \"bias\"\n[[faults.effects]]\ntarget = \"input.wind_mps\"\nbias = 1.0\n";
+    assert!(context.check(fault, &[]).is_ok());
+    let change = |clear: &[&str], set: &[&str]| ChangeRequest {
+        at_s: None,
+        ramp_s: None,
+        set: (set.iter())
+            .map(|key| NewValue {
+                key: (*key).into(),
+                value: 3.0,
+            })
+            .collect(),
+        clear: clear.iter().map(|key| (*key).into()).collect(),
+    };
+    let check = |request| context.check_change(&request, ("pid", &[]), 1);
+    assert!(check(change(&[], &["input.wind_mps"])).is_ok());
+    assert!(check(change(&["input.wind_mps"], &[])).is_ok());
+    assert!(check(change(&[], &["input.ambient_k"])).is_err());
+}
+
+#[test]
+fn a_shown_plan_has_its_inputs() {
+    let text = BASE.to_owned()
+        + "[[stimuli]]\ntarget = \"other_m\"\nkind = \"square\"\namplitude = 1.0\nfrequency_hz = 2.0\nduty = 0.25\n";
+    let plan = plan(&text);
+    let shown = show(
+        &plan,
+        &plants(),
+        &descriptions::laws(),
+        &descriptions::kinds(),
+    );
+    let shown = shown.expect("described");
+    assert!(
+        shown.contains("[plant.inputs]\nambient_k = 280.0 # K"),
+        "{shown}"
+    );
+    assert!(shown.contains("target = \"plant.wind_mps\""), "{shown}");
+    assert_eq!(self::plan(&shown), plan, "{shown}");
+}
