@@ -13,6 +13,7 @@ mod realtime;
 mod requirements;
 mod stimuli;
 mod study;
+mod tables;
 
 use shared_types::time::Rate;
 
@@ -28,6 +29,7 @@ pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{STIMULUS, WAVEFORMS};
 pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
+pub(crate) use tables::{DERIVED, TABLE_FILE};
 
 /// Supported version of the scenario format.
 pub(crate) const SCHEMA: i64 = 1;
@@ -259,7 +261,7 @@ pub(crate) const SCENARIO: &[Key] = &[
     Key::new(
         "derived",
         KeyKind::List(DERIVED),
-        "Signals computed from other signals at every step.",
+        "Signals computed from other signals at every step, or played back from a file.",
     ),
     Key::new(
         "metrics",
@@ -439,19 +441,3 @@ pub(crate) const CONNECT: &[Key] = &[
 ];
 
 const ANY_NUMBER: KeyKind = number("", f64::MIN, f64::MAX);
-
-/// `[[derived]]`.
-pub(crate) const DERIVED: &[Key] = &[
-    Key::new("name", TEXT, "Name, its unit at the end.").required(),
-    Key::new(
-        "unit",
-        TEXT,
-        "Unit. Default: the unit that the name's ending stands for, else 1.",
-    ),
-    Key::new(
-        "expression",
-        TEXT,
-        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.",
-    )
-    .required(),
-];

@@ -2,7 +2,8 @@
 //!
 //! Used by the launcher, which knows plants and laws only by their binaries' descriptions ([`shared_types::describe`]),
 //! and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing, and reads no file but
-//! scenarios, studies and the CSV files of points and faults that scenarios name.
+//! scenarios, studies, and the tables and lists that scenarios name; [readers](table_file::Format) of formats other than
+//! CSV are passed in.
 //!
 //! 1. [`Scenario::read`](scenario::Scenario::read): parses the text into a tree whose values remember their places;
 //!    [`set`](scenario::Scenario::set) applies `--set` values to it.
@@ -38,5 +39,7 @@ pub mod scenario;
 pub mod schema;
 pub mod show;
 pub mod study;
+pub mod table;
+pub mod table_file;
 
 pub use source::SourceLine;

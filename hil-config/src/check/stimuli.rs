@@ -8,8 +8,8 @@ use shared_types::layout::is_name;
 use shared_types::number::exact as number;
 use shared_types::table::{Field, unit_of_name};
 
-use super::points;
 use super::run::Grid;
+use super::tables;
 use crate::keys::WAVEFORMS;
 use crate::plan::{Stimulus, Sweep, Waveform};
 use crate::problem::ProblemKind;
@@ -59,7 +59,12 @@ fn stimulus(
         reference.find(|field| field.is_called(target))
     });
     let unit = unit(reader, section, target, needed, law);
-    let waveform = waveform(reader, section, folder, grid);
+    let signal = tables::Signal {
+        what: "a stimulus",
+        name: target.unwrap_or_default(),
+        unit: unit.as_deref(),
+    };
+    let waveform = waveform(reader, section, folder, grid, &signal);
     let names = needed.into_iter().flat_map(Field::names);
     Some(Stimulus {
         aliases: (names.filter(|name| Some(*name) != target))
@@ -120,6 +125,7 @@ fn waveform(
     section: &Section<'_>,
     folder: &Path,
     grid: Option<Grid>,
+    signal: &tables::Signal<'_>,
 ) -> Option<Waveform> {
     let kinds = WAVEFORMS.iter().map(|kind| (kind.name, kind.keys));
     let (name, section) = &reader.of_kind(section, "stimulus", kinds)?;
@@ -179,10 +185,8 @@ fn waveform(
             }
         }
         "table" => {
-            let (time_s, values) = points::check(reader, section, Some(folder), "a stimulus")?;
-            let span = points::Span::of_run(grid.map_or(f64::INFINITY, |grid| grid.end_s()));
-            points::refuse_outside(reader, section, &time_s, &span)?;
-            Waveform::Table { time_s, values }
+            let (table, _) = tables::check(reader, section, folder, grid, signal)?;
+            Waveform::Table(table)
         }
         _ => unreachable!("every kind is read"),
     };

@@ -193,7 +193,7 @@ pub(crate) const PROFILES: &[SectionKind] = &[
             Key::new(
                 "file",
                 TEXT,
-                "CSV file with the columns time_s,value, relative to the scenario. Alternative: time_s and values.",
+                "File with a column of times and one of values, relative to the scenario, as for a stimulus. Alternative: time_s and values.",
             ),
             Key::new(
                 "time_s",

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use shared_types::table::{Field, derivative_of};
 
+use crate::table::Table;
+
 /// Reference signal with the derivatives that its waveform has.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Stimulus {
@@ -95,13 +97,8 @@ pub enum Waveform {
         #[serde(default, skip_serializing_if = "Sweep::is_linear")]
         sweep: Sweep,
     },
-    /// Linear interpolation between points, constant before the first and after the last.
-    Table {
-        /// Times in s, strictly rising.
-        time_s: Vec<f64>,
-        /// Values, as many as times.
-        values: Vec<f64>,
-    },
+    /// Rows over time and the course between them.
+    Table(Table),
 }
 
 /// Course of a chirp's frequency from f0 to f1 in d, and the number of turns at time t.
@@ -136,12 +133,13 @@ impl Sweep {
 
 impl Waveform {
     /// Returns the number of time derivatives that are sent with the signal: those that exist everywhere, and for
-    /// linear interpolation the slope to the right.
+    /// a table those to the right.
     #[must_use]
-    pub const fn derivatives(&self) -> usize {
+    pub fn derivatives(&self) -> usize {
         match self {
             Self::Paper { .. } | Self::Sine { .. } | Self::Chirp { .. } => 5,
-            Self::Ramp { .. } | Self::Table { .. } => 1,
+            Self::Table(table) => table.derivatives(),
+            Self::Ramp { .. } => 1,
             Self::Step { .. } => 0,
         }
     }

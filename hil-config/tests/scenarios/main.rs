@@ -26,6 +26,7 @@ mod quantities;
 mod schema;
 mod shipped;
 mod show;
+mod tables;
 mod units;
 
 use hil_config::plan::Plan;
