@@ -16,6 +16,7 @@ use crate::arguments::BinaryArguments;
 use crate::arguments::run::Changes;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::reached::Reached;
+use crate::tables::FORMATS;
 
 /// Parts of a scenario that determine what runs. The others disturb the run, which the samples already contain, or
 /// judge it in terms that another controller may not know.
@@ -73,7 +74,10 @@ impl<'a> Finder<'a> {
         json: bool,
     ) -> Result<(Plan, Arc<Binaries>), Failure> {
         changes.check()?;
-        let read = || Scenario::read(path).map(|scenario| scenario.set(&changes.as_set()));
+        let read = || {
+            let scenario = Scenario::read(path)?.with_formats(FORMATS);
+            Ok(scenario.set(&changes.as_set()))
+        };
         let scenario = self.interruption.at_once(read)?;
         let scenario = scenario.or_else(|problems| refused(&problems, json))?;
         let choices = Choices::of(self.arguments, &Named::by(&scenario), self.at)?;
