@@ -2,7 +2,7 @@
 //! and controller changes. Decides nothing about several runs, and compares nothing.
 //!
 //! 1. [`settings`] checks the options from the command line.
-//! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
+//! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder with its long `tables`, [jobs], [provenance].
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream.
 //!    Both end a run whose recorder failed, as on a full disk, and `processes` one whose side died.
 //!    `controllers` starts a lost controller again or lets its loss end the run, and `termination` says why it
@@ -54,6 +54,7 @@ mod restoration;
 pub mod settings;
 pub mod side;
 pub mod swap;
+mod tables;
 mod termination;
 
 #[cfg(test)]
