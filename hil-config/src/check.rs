@@ -29,6 +29,7 @@ mod requirements;
 mod run;
 mod signals;
 mod stimuli;
+mod tables;
 mod waveforms;
 
 use std::path::Path;
@@ -39,7 +40,7 @@ use shared_types::time::Rate;
 
 use crate::expression::{Columns, Expression, Group};
 use crate::keys;
-use crate::plan::{ControllerPlan, FaultEvent, Plan, Programs, Stimulus, driven};
+use crate::plan::{ControllerPlan, Definition, FaultEvent, Plan, Programs, Stimulus, driven};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::Scenario;
@@ -61,8 +62,8 @@ pub struct RequestContext {
     pub parameters: Settings,
     /// Reference signals, and inputs of the plant with a course.
     pub stimuli: Vec<Stimulus>,
-    /// The scenario's derived signals by name and expression.
-    pub derived: Vec<(String, String)>,
+    /// The scenario's derived signals by name and definition.
+    pub derived: Vec<(String, Definition)>,
     /// Steps per second.
     pub rate: Rate,
     /// Number of steps of the whole run.
@@ -82,7 +83,7 @@ impl RequestContext {
             kinds: kinds.to_vec(),
             parameters: plan.plant.parameters.clone(),
             stimuli: plan.stimuli.clone(),
-            derived: plan.derived_texts(),
+            derived: plan.definitions(),
             rate: plan.run.rate,
             steps: plan.run.steps,
             names: Vec::new(),
@@ -119,8 +120,11 @@ impl RequestContext {
         let root = root(&scenario).with_keys(keys::REQUEST);
         let reference: Vec<Field> = self.stimuli.iter().flat_map(Stimulus::fields).collect();
         let mut columns = Columns::of(&self.plant, &self.stimuli, internals);
-        for (name, text) in &self.derived {
-            let expression = Expression::parse(text).ok();
+        for (name, definition) in &self.derived {
+            let expression = match definition {
+                Definition::Expression(text) => Expression::parse(text).ok(),
+                Definition::Table(_) => None,
+            };
             let typed = expression.as_ref().map(|expression| (expression, &columns));
             let unit = signals::implied_unit(typed, name).unwrap_or_default();
             columns.push_with_unit(Group::Derived, name, &unit);
@@ -166,7 +170,8 @@ impl Scenario {
         laws: &[LawDescription],
         kinds: &[FaultKindDescription],
     ) -> Result<Plan, Problems> {
-        let reader = Reader::new(self.sources.clone(), self.problems.clone());
+        let mut reader = Reader::new(self.sources.clone(), self.problems.clone());
+        reader.formats = self.formats;
         check(self, reader, plants, laws, kinds)
     }
 }
@@ -284,7 +289,7 @@ fn parts(
         }
         _ => None,
     };
-    let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid);
+    let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid, folder);
     let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
     let context = EventContext {
         plant,
@@ -350,7 +355,8 @@ fn parts(
 
 /// Returns the folder to which paths in a scenario are relative.
 fn folder(scenario: &Scenario) -> &Path {
-    scenario.path.parent().unwrap_or(Path::new(""))
+    let own = scenario.path.parent().unwrap_or(Path::new(""));
+    scenario.home.as_deref().unwrap_or(own)
 }
 
 /// Returns the scenario's name, which becomes part of folder names.

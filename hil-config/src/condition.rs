@@ -4,16 +4,18 @@
 //! at each step in the loop. Evaluation allocates nothing and depends only on the record.
 
 use shared_types::table::canonical;
+use shared_types::time::{Rate, Step};
 
 use crate::expression::{Columns, Expression, ExpressionError, Group, Program};
-use crate::plan::Condition;
+use crate::plan::{BoundSource, Condition, Definition};
 
 /// Condition under observation.
 #[derive(Clone, Debug)]
 pub struct Watch {
     expression: Program,
-    /// Derived signals that the expression needs: column and program.
-    derived: Vec<(usize, Program)>,
+    /// Derived signals that the expression needs: column and source.
+    derived: Vec<(usize, BoundSource)>,
+    rate: Rate,
     /// Record followed by the derived signals; empty if the expression needs none.
     row: Vec<f64>,
     /// Number of columns in a record.
@@ -25,15 +27,16 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// Creates a condition before the first record. `derived` has the scenario's derived signals by name and
-    /// expression, each using only signals and earlier ones; `columns` are the columns of a record.
+    /// Creates a condition before the first record of a run at a rate. `derived` are the scenario's derived signals by
+    /// name and definition, each using only signals and earlier ones; `columns` are those of a record.
     ///
     /// # Errors
     /// If an expression is malformed or names an unknown signal.
     pub fn new(
         condition: &Condition,
-        derived: &[(String, String)],
+        derived: &[(String, Definition)],
         columns: &Columns,
+        rate: Rate,
     ) -> Result<Self, ExpressionError> {
         let expression = Expression::parse(&condition.expression)?;
         let mut all = columns.clone();
@@ -43,12 +46,19 @@ impl Watch {
         let mut names: Vec<String> = expression.signals().map(Into::into).collect();
         let mut needed = Vec::new();
         // From last to first, so that the users of a derived signal are seen before the signal itself.
-        for (index, (name, text)) in derived.iter().enumerate().rev() {
-            if names.contains(name) {
-                let signal = Expression::parse(text)?;
-                names.extend(signal.signals().map(Into::into));
-                needed.push((columns.len() + index, signal.compile_signal(&all)?));
+        for (index, (name, definition)) in derived.iter().enumerate().rev() {
+            if !names.contains(name) {
+                continue;
             }
+            let source = match definition {
+                Definition::Expression(text) => {
+                    let signal = Expression::parse(text)?;
+                    names.extend(signal.signals().map(Into::into));
+                    BoundSource::Program(signal.compile_signal(&all)?)
+                }
+                Definition::Table(table) => BoundSource::Table(table.clone()),
+            };
+            needed.push((columns.len() + index, source));
         }
         needed.reverse();
         let row = match needed.last() {
@@ -58,6 +68,7 @@ impl Watch {
         Ok(Self {
             expression: expression.compile_signal(&all)?,
             derived: needed,
+            rate,
             row,
             signals: columns.len(),
             records: condition.records,
@@ -65,18 +76,18 @@ impl Watch {
         })
     }
 
-    /// Evaluates the next record; returns `true` if the expression has held for long enough, including this record. A
+    /// Evaluates the record of a step, the next one; returns `true` if the expression has held for long enough, including this record. A
     /// missing value counts as not holding.
     ///
     /// # Panics
     /// If the record does not have as many values as there are columns.
-    pub fn observe(&mut self, row: &[f64]) -> bool {
+    pub fn observe(&mut self, step: Step, row: &[f64]) -> bool {
         let value = if self.derived.is_empty() {
             self.expression.evaluate(row)
         } else {
             self.row[..self.signals].copy_from_slice(row);
-            for (column, program) in &self.derived {
-                self.row[*column] = canonical(program.evaluate(&self.row));
+            for (column, source) in &self.derived {
+                self.row[*column] = canonical(source.evaluate(step, self.rate, &self.row));
             }
             self.expression.evaluate(&self.row)
         };

@@ -9,7 +9,7 @@ use shared_types::time::{Rate, Step};
 
 use crate::analysis::RunningAnalysis;
 use crate::expression::{Accumulator, Columns, ExpressionError, Group, Program, Reduction};
-use crate::plan::{Metric, Plan, Window};
+use crate::plan::{BoundSource, Metric, Plan, Window};
 use crate::requirements::{RequirementValue, Requirements};
 
 /// The derived signals, metrics and requirements of a run.
@@ -19,7 +19,7 @@ pub struct Evaluation {
     /// Row of a record followed by the derived signals.
     row: Vec<f64>,
     signals: usize,
-    derived: Vec<Program>,
+    derived: Vec<BoundSource>,
     metrics: Vec<RunningMetric>,
     analyses: Vec<RunningAnalysis>,
     requirements: Requirements,
@@ -68,7 +68,7 @@ impl Evaluation {
         let mut all = columns.clone();
         let mut derived = Vec::new();
         for signal in &plan.derived {
-            derived.push(signal.expression.compile_signal(&all)?);
+            derived.push(signal.source.bind(&all)?);
             all.push(Group::Derived, &signal.name);
         }
         let whole = Window {
@@ -107,8 +107,8 @@ impl Evaluation {
         for place in invalid {
             self.row[place] = f64::NAN;
         }
-        for (index, program) in self.derived.iter().enumerate() {
-            self.row[self.signals + index] = canonical(program.evaluate(&self.row));
+        for (index, source) in self.derived.iter().enumerate() {
+            self.row[self.signals + index] = canonical(source.evaluate(step, self.rate, &self.row));
         }
         for metric in &mut self.metrics {
             metric.observe(step, self.rate, &self.row);

@@ -46,6 +46,7 @@ mod realtime;
 mod requirements;
 mod stimuli;
 mod study;
+mod tables;
 mod waveforms;
 
 use shared_types::time::Rate;
@@ -62,6 +63,7 @@ pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{SEQUENCE_KIND, STIMULUS, WAVEFORMS};
 pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
+pub(crate) use tables::{DERIVED, TABLE_FILE};
 pub(crate) use waveforms::{MOST_PARTS, MOST_TONES, PART};
 
 /// Supported version of the scenario format.
@@ -260,7 +262,7 @@ pub(crate) const SCENARIO: &[Key] = keys! {
     faults: KeyKind::List(FAULT), "Fault events. All effects of an event take effect at the same step.";
     changes: KeyKind::List(CHANGE),
         "Changes of parameters and reference signals during the run, as by `hil set`. All keys of a change change at the same step.";
-    derived: KeyKind::List(DERIVED), "Signals computed from other signals at every step.";
+    derived: KeyKind::List(DERIVED), "Signals computed from other signals at every step, or played back from a file.";
     metrics: KeyKind::List(METRIC),
         "Numbers computed from the records: reductions over windows of time, or ready-made analyses.";
     requirements: KeyKind::List(REQUIREMENT), "Conditions that the run must meet to pass.";
@@ -347,11 +349,3 @@ pub(crate) const CONNECT: &[Key] = keys! {
 };
 
 const ANY_NUMBER: KeyKind = number("", f64::MIN, f64::MAX);
-
-/// `[[derived]]`.
-pub(crate) const DERIVED: &[Key] = keys! {
-    name!: TEXT, "Name, its unit at the end.";
-    unit: TEXT, "Unit. Default: the unit that the name's ending stands for, else 1.";
-    expression!: TEXT,
-        "Value at a step, from signals (truth.x, measured.x, reference.x, command.x, applied.x, internal.x, input.x, sensed.x, stimulus.x, parameter.x) and earlier derived signals.";
-};

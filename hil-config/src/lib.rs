@@ -1,8 +1,9 @@
 //! Scenarios: from text to validated values that plant and controller can use directly.
 //!
-//! Used by the launcher, which knows plants and laws only by the descriptions of their binaries
-//! ([`shared_types::describe`]), and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing,
-//! and reads only scenarios, studies and the CSV files of points and faults that scenarios name.
+//! Used by the launcher, which knows plants and laws only by their binaries' descriptions ([`shared_types::describe`]),
+//! and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing, and reads no file but
+//! scenarios, studies, and the tables and lists that scenarios name; [readers](table_file::Format) of formats other than
+//! CSV are passed in.
 //!
 //! 1. [`Scenario::read`](scenario::Scenario::read): parses the text into a tree whose values remember their places;
 //!    [`set`](scenario::Scenario::set) applies `--set` values to it.
@@ -40,5 +41,7 @@ pub mod schema;
 pub mod show;
 pub mod stimulus;
 pub mod study;
+pub mod table;
+pub mod table_file;
 
 pub use source::SourceLine;

@@ -5,6 +5,7 @@
 
 mod analysis;
 mod change;
+mod derived;
 mod fault;
 mod input;
 mod instrument;
@@ -31,6 +32,8 @@ pub use analysis::{
     Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
 };
 pub use change::{Change, PLANT_KEYS, REFERENCE_KEYS, law_keys, settings_after};
+pub(crate) use derived::BoundSource;
+pub use derived::{Definition, DerivedSource};
 pub use fault::{
     Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
 };
@@ -316,10 +319,10 @@ pub struct ControllerPlan {
 pub struct Derived {
     /// Name.
     pub name: String,
-    /// Unit: as given, or else the unit of the expression, or of the name's suffix, or `1`.
+    /// Unit: as given, or else that of the expression or the column, or of the name's suffix, or `1`.
     pub unit: String,
-    /// Value computed from signals and earlier derived signals.
-    pub expression: Expression,
+    /// Source of the values.
+    pub source: DerivedSource,
 }
 
 /// Metric: reductions of signals over windows.

@@ -12,6 +12,7 @@ use crate::keys::{Key, KeyKind};
 use crate::problem::{MOST_PROBLEMS, Problem, ProblemKind, Problems, listed};
 use crate::quantity::Quantity;
 use crate::source::{Place, Sources};
+use crate::table_file::Format;
 
 /// Maximum length of a message, in characters: a name in a message may be as long as the file.
 const LONGEST_MESSAGE: usize = 1000;
@@ -23,6 +24,8 @@ pub(crate) struct Reader {
     pub sources: Sources,
     /// Problems found so far.
     pub problems: Vec<Problem>,
+    /// Readers of further formats of tables.
+    pub formats: &'static [Format],
     /// Last problem that exceeds the limit.
     untold: Option<Problem>,
 }
@@ -79,6 +82,7 @@ impl Reader {
         Self {
             sources,
             problems,
+            formats: &[],
             untold: None,
         }
     }

@@ -11,6 +11,7 @@ use crate::flag;
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::source::{Place, Sources};
+use crate::table_file::Format;
 
 /// Scenario as written.
 #[derive(Clone, Debug)]
@@ -21,6 +22,9 @@ pub struct Scenario {
     /// Problems of flags, kept until the check, which reports all problems at once.
     pub(crate) problems: Vec<Problem>,
     pub(crate) advice: Advice,
+    pub(crate) formats: &'static [Format],
+    /// Folder of its files, if not that of the scenario.
+    pub(crate) home: Option<PathBuf>,
 }
 
 /// Advice for an undescribed plant or law, depending on the command and its arguments.
@@ -70,7 +74,24 @@ impl Scenario {
             table,
             problems: Vec::new(),
             advice: Advice::default(),
+            formats: &[],
+            home: None,
         })
+    }
+
+    /// Names the folder to which paths are relative, for a text that is no file of its own.
+    #[must_use]
+    pub fn beside(self, folder: &Path) -> Self {
+        Self {
+            home: Some(folder.to_owned()),
+            ..self
+        }
+    }
+
+    /// Adds readers of further formats of tables.
+    #[must_use]
+    pub fn with_formats(self, formats: &'static [Format]) -> Self {
+        Self { formats, ..self }
     }
 
     /// Adds advice for an unknown plant or law.

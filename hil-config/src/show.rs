@@ -23,8 +23,8 @@ use shared_types::time::{Rate, Step};
 
 use crate::keys::{self, Key, KeyKind, SCHEMA};
 use crate::plan::{
-    Clock, ControllerProgram, Derived, FaultEvent, Metric, Permissions, Plan, Realtime, Run,
-    Stimulus, Waveform,
+    Clock, ControllerProgram, Derived, DerivedSource, FaultEvent, Metric, Permissions, Plan,
+    Realtime, Run, Stimulus, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
 
@@ -393,14 +393,19 @@ fn lines(text: &mut String, waveform: &Waveform) -> Written {
 
 fn derived(text: &mut String, derived: &Derived) -> Written {
     writeln!(text, "\n[[derived]]")?;
-    section(text, keys::DERIVED, |key| {
-        Some(match key {
-            "name" => string(&derived.name),
-            "unit" => string(&derived.unit),
-            "expression" => string(&derived.expression.to_string()),
-            other => forgotten(other),
-        })
-    })
+    writeln!(text, "name = {}", string(&derived.name))?;
+    writeln!(text, "unit = {}", string(&derived.unit))?;
+    match &derived.source {
+        DerivedSource::Expression(expression) => {
+            writeln!(text, "expression = {}", string(&expression.to_string()))?;
+        }
+        DerivedSource::Table(table) => {
+            for entry in entries(table) {
+                writeln!(text, "{entry}")?;
+            }
+        }
+    }
+    Ok(())
 }
 
 fn metric(text: &mut String, metric: &Metric) -> Written {
@@ -445,6 +450,7 @@ fn toml_value(value: &Value) -> String {
     match value {
         Value::Array(values) => array(values.iter().map(toml_value)),
         Value::String(text) => string(text),
+        Value::Bool(value) => value.to_string(),
         Value::Number(value) if value.is_u64() => value.to_string(),
         value => toml_float(value.as_f64().unwrap_or(f64::NAN)),
     }

@@ -24,6 +24,8 @@ pub(crate) struct Place {
 struct Source {
     name: String,
     text: String,
+    /// Lines before the text, of a file of which only a part is kept.
+    lines_before: usize,
 }
 
 /// All sources of a scenario; the first is the scenario file.
@@ -36,7 +38,20 @@ impl Sources {
 
     /// Adds a text and returns its index.
     pub(crate) fn add(&mut self, name: String, text: String) -> usize {
-        self.0.push(Source { name, text });
+        self.add_part(name, text, 0)
+    }
+
+    /// Adds a line of a longer text by its number, from 1, and returns its index.
+    pub(crate) fn add_line(&mut self, name: String, text: String, number: usize) -> usize {
+        self.add_part(name, text, number - 1)
+    }
+
+    fn add_part(&mut self, name: String, text: String, lines_before: usize) -> usize {
+        self.0.push(Source {
+            name,
+            text,
+            lines_before,
+        });
         self.0.len() - 1
     }
 
@@ -77,7 +92,9 @@ impl Sources {
 
     /// Returns the line of a place, ready for display.
     pub(crate) fn excerpt(&self, place: &Place) -> SourceLine {
-        let text = &self.0[place.source].text;
+        let Source {
+            text, lines_before, ..
+        } = &self.0[place.source];
         let start = floor_char_boundary(text, place.span.start);
         let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
         let line_end = text[start..].find('\n').map_or(text.len(), |at| start + at);
@@ -98,7 +115,7 @@ impl Sources {
         };
         let end = if end < behind { end } else { behind };
         SourceLine {
-            line: text[..line_start].matches('\n').count() + 1,
+            line: lines_before + text[..line_start].matches('\n').count() + 1,
             column,
             width: text[start..end].chars().count().max(1),
             text: text[before..behind].trim_end().to_owned(),

@@ -76,10 +76,7 @@ pub fn evaluate(waveform: &Waveform, time_s: f64, row: &mut [f64]) {
         Waveform::Prbs(prbs) => row.copy_from_slice(&[prbs.at(time_s)]),
         Waveform::Multisine(sum) => row.copy_from_slice(&sum.at(time_s).derivatives()),
         Waveform::Sequence(sequence) => sequence.evaluate(time_s, row),
-        Waveform::Table {
-            time_s: times_s,
-            values,
-        } => row.copy_from_slice(&polyline(time_s, times_s, values)),
+        Waveform::Table(table) => table.evaluate(time_s, row),
     }
 }
 
@@ -121,20 +118,6 @@ fn ramp(since_s: f64, duration_s: f64, start: f64, end: f64) -> [f64; 2] {
         [start + slope * since_s, slope]
     } else {
         [end, 0.0]
-    }
-}
-
-/// Returns value and slope to the right of a linear interpolation between points, found by bisection.
-fn polyline(time_s: f64, times_s: &[f64], values: &[f64]) -> [f64; 2] {
-    let after = times_s.partition_point(|&point_s| point_s <= time_s);
-    if after == 0 {
-        [values[0], 0.0]
-    } else if after == times_s.len() {
-        [values[after - 1], 0.0]
-    } else {
-        let before = after - 1;
-        let slope = (values[after] - values[before]) / (times_s[after] - times_s[before]);
-        [values[before] + slope * (time_s - times_s[before]), slope]
     }
 }
 
@@ -350,30 +333,5 @@ mod tests {
         assert_eq!(row(&waveform, 5.0), [-0.5, -0.5]);
         assert_eq!(row(&waveform, 6.0), [-1.0, 0.0]);
         assert_eq!(row(&waveform, 7.0), [-1.0, 0.0]);
-    }
-
-    #[test]
-    fn a_table_is_straight_between_its_points_and_constant_outside() {
-        let waveform = Waveform::Table {
-            time_s: vec![1.0, 2.0, 4.0],
-            values: vec![10.0, 20.0, 0.0],
-        };
-        assert_eq!(row(&waveform, 0.0), [10.0, 0.0]);
-        assert_eq!(row(&waveform, 1.0), [10.0, 10.0]);
-        assert_eq!(row(&waveform, 1.25), [12.5, 10.0]);
-        assert_eq!(row(&waveform, 2.0), [20.0, -10.0]);
-        assert_eq!(row(&waveform, 3.5), [5.0, -10.0]);
-        assert_eq!(row(&waveform, 4.0), [0.0, 0.0]);
-        assert_eq!(row(&waveform, 9.0), [0.0, 0.0]);
-    }
-
-    #[test]
-    fn a_table_of_one_point_is_a_constant() {
-        let waveform = Waveform::Table {
-            time_s: vec![1.0],
-            values: vec![7.0],
-        };
-        assert_eq!(row(&waveform, 0.0), [7.0, 0.0]);
-        assert_eq!(row(&waveform, 1.0), [7.0, 0.0]);
     }
 }

@@ -1,6 +1,8 @@
 //! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
-use hil_config::plan::{Change, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus};
+use hil_config::plan::{
+    Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus,
+};
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe::{LawDescription, PROTOCOL};
@@ -36,8 +38,8 @@ pub struct Job {
     /// Changes of values of the scenario.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub changes: Vec<Change>,
-    /// Names and expressions of the scenario's derived signals, for conditions of faults.
-    pub derived: Vec<(String, String)>,
+    /// Names and definitions of the scenario's derived signals, for conditions of faults.
+    pub derived: Vec<(String, Definition)>,
     /// Steps at which the controller of a repeated real-time run was late, in order.
     #[serde(default)]
     pub missed: Vec<Missed>,
@@ -110,7 +112,7 @@ impl Job {
             actuators: plan.actuators.clone(),
             faults: plan.faults.clone(),
             changes: plan.changes.clone(),
-            derived: plan.derived_texts(),
+            derived: plan.definitions(),
             ..Self::new(session, plan.run, plan.plant.clone(), wait_limit_s)
         }
     }

@@ -46,6 +46,7 @@
 //! | [`panel`] | a session in a browser: every control works, and nobody else has access |
 //! | [`paper`] | the paper's experiment against its checked figures |
 //! | [`paths`] | file names that are not UTF-8 |
+//! | [`playback`] | files of other programs and recordings, played back in runs |
 //! | [`plots`] | report, monitor and layout show the same plots of a run in the same order |
 //! | [`realtime_settings`] | real-time settings requested of the system, and those granted |
 //! | [`recording`] | content of a recording, read without the recorder's code |
@@ -141,6 +142,7 @@ mod panel;
 mod panel_socket;
 mod paper;
 mod paths;
+mod playback;
 mod plots;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;

@@ -164,8 +164,14 @@ fn bind_reference(
             1 => " with its first derivative".into(),
             order => format!(" with its first {order} derivatives"),
         };
+        let of_table = match highest {
+            0 | 1 => "",
+            _ => {
+                "; a table has them with interpolation = \"cubic\" or with columns under `derivatives`"
+            }
+        };
         let help = format!(
-            "add a [[stimuli]] with target = \"{}\" and a kind of {}, which provides it{needs}",
+            "add a [[stimuli]] with target = \"{}\" and a kind of {}, which provides it{needs}{of_table}",
             target.name,
             listed(kinds)
         );

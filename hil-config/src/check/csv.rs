@@ -1,7 +1,8 @@
-//! CSV files of a scenario: rows of numbers separated by commas, with column names in the first line; blank lines and
-//! lines that begin with `#` are skipped.
+//! CSV files of lists beside a scenario: rows of numbers separated by commas, names in the first line or not at all;
+//! blank lines and lines that begin with `#` are skipped.
 //!
-//! Used for points of stimuli and profiles and for the lists of faults, whose modules interpret the numbers.
+//! Used for the lists of faults, which interpret the numbers. Tables over time are read by
+//! [`table_file`](crate::table_file).
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -14,8 +15,6 @@ use crate::source::Place;
 /// Required layout of a file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Layout {
-    /// Header line; if there is none, the first line may contain anything except numbers.
-    pub header: Option<&'static str>,
     /// Numbers per row.
     pub columns: usize,
     /// Word for a row in messages; its plural ends in `s`.
@@ -24,10 +23,7 @@ pub(super) struct Layout {
 
 impl Layout {
     fn expected(&self) -> String {
-        match self.header {
-            Some(header) => format!("the header {header} and at least one {}", self.row),
-            None => format!("lines of {}", self.numbers()),
-        }
+        format!("lines of {}", self.numbers())
     }
 
     fn numbers(&self) -> String {
@@ -38,9 +34,6 @@ impl Layout {
     }
 }
 
-/// Error in a row, and the expected content.
-pub(super) type BadRow = (String, &'static str);
-
 /// Reads the file named by a section's `file`, row by row. Reading stops at the first bad line, because a file of
 /// another kind would give thousands of messages. Without a folder, files are refused.
 pub(super) fn read(
@@ -48,7 +41,7 @@ pub(super) fn read(
     section: &Section<'_>,
     folder: Option<&Path>,
     layout: &Layout,
-    take: impl FnMut(&[f64]) -> Result<(), BadRow>,
+    take: impl FnMut(&[f64]),
 ) -> Option<()> {
     let name = reader.text(section, "file")?;
     let key = section.path_of("file");
@@ -101,11 +94,7 @@ struct BadLine {
     expected: String,
 }
 
-fn rows(
-    text: &str,
-    layout: &Layout,
-    mut take: impl FnMut(&[f64]) -> Result<(), BadRow>,
-) -> Result<(), BadLine> {
+fn rows(text: &str, layout: &Layout, mut take: impl FnMut(&[f64])) -> Result<(), BadLine> {
     let mut is_first = true;
     let mut count = 0;
     let mut start = 0;
@@ -120,22 +109,14 @@ fn rows(
         if !content.is_empty() && !content.starts_with('#') {
             let cells: Vec<&str> = content.split(',').map(str::trim).collect();
             let numbers: Vec<f64> = cells.iter().filter_map(|cell| finite(cell)).collect();
-            if is_first
-                && layout
-                    .header
-                    .is_some_and(|header| cells.join(",") != header)
-            {
-                let message = format!("not the header of a table of {}s", layout.row);
-                return Err(bad(message, layout.expected()));
-            }
-            let is_header = is_first && (layout.header.is_some() || numbers.is_empty());
+            let is_header = is_first && numbers.is_empty();
             is_first = false;
             if !is_header {
                 if numbers.len() != layout.columns || cells.len() != layout.columns {
                     let expected = format!("{}, each finite", layout.numbers());
                     return Err(bad(format!("not a {}", layout.row), expected));
                 }
-                take(&numbers).map_err(|(message, expected)| bad(message, expected.into()))?;
+                take(&numbers);
                 count += 1;
             }
         }

@@ -1,53 +1,63 @@
-//! Points over time, of a stimulus or a profile of kind `table`: a CSV file, or two lists in the scenario itself.
+//! Points over time, of a stimulus or a profile of kind `table`: a file, or two lists in the scenario itself.
 
 use std::path::Path;
 
 use shared_types::number::exact as number;
 
-use super::csv;
+use super::tables;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use crate::table_file::Choice;
 
 /// Times in s, strictly ascending, and as many values.
 pub(super) type Points = (Vec<f64>, Vec<f64>);
 
-/// Layout of a file of points.
-const FILE: csv::Layout = csv::Layout {
-    header: Some("time_s,value"),
-    columns: 2,
-    row: "point",
-};
-
-/// Returns the points of a section, which describes `what`. Without a folder, files are refused.
+/// Returns the points of a profile. Without a folder files are refused.
 pub(super) fn check(
     reader: &mut Reader,
     section: &Section<'_>,
     folder: Option<&Path>,
     what: &str,
 ) -> Option<Points> {
-    let inline = ["time_s", "values"].map(|key| section.table.get(key));
-    match (section.table.get("file"), inline) {
-        (Some(_), [None, None]) => file(reader, section, folder),
-        (None, [Some(times), Some(values)]) => {
-            let time_s = reader.numbers(&section.path_of("time_s"), &times.node);
-            let values = reader.numbers(&section.path_of("values"), &values.node);
-            lists(reader, section, time_s?, values?)
-        }
-        _ => {
-            let path = section.path_of("file");
-            let message =
-                format!("{what} of kind `table` must define its points in exactly one way");
-            reader
-                .report(
-                    ProblemKind::Mismatch,
-                    path,
-                    section.place_of("kind"),
-                    message,
-                )
-                .expected("either `file`, or both `time_s` and `values`");
-            None
-        }
+    let is_file = section.table.get("file").is_some();
+    if !is_file
+        || ["time_s", "values"]
+            .iter()
+            .any(|key| section.table.get(key).is_some())
+    {
+        return lists(reader, section, what);
     }
+    let Some(folder) = folder else {
+        let key = section.path_of("file");
+        let message = format!("`{key}`: a running plant reads no files");
+        reader
+            .report_at(section, "file", ProblemKind::Unreadable, message)
+            .expected("the numbers themselves");
+        return None;
+    };
+    let mut series = tables::series(reader, section, folder, &Choice::default())?;
+    Some((series.time_s, series.columns.swap_remove(0)))
+}
+
+/// Returns points that stand in the scenario, in a section that describes `what`.
+pub(super) fn lists(reader: &mut Reader, section: &Section<'_>, what: &str) -> Option<Points> {
+    let inline = ["time_s", "values"].map(|key| section.table.get(key));
+    if let (None, [Some(times), Some(values)]) = (section.table.get("file"), inline) {
+        let time_s = reader.numbers(&section.path_of("time_s"), &times.node);
+        let values = reader.numbers(&section.path_of("values"), &values.node);
+        return fitting(reader, section, time_s?, values?);
+    }
+    let path = section.path_of("file");
+    let message = format!("{what} of kind `table` needs its points once");
+    reader
+        .report(
+            ProblemKind::Mismatch,
+            path,
+            section.place_of("kind"),
+            message,
+        )
+        .expected("either `file`, or both `time_s` and `values`");
+    None
 }
 
 /// Time span in which a table has an effect: from 0 to an end, on the table's own scale.
@@ -104,7 +114,7 @@ pub(super) fn refuse_outside(
     None
 }
 
-fn lists(
+fn fitting(
     reader: &mut Reader,
     section: &Section<'_>,
     time_s: Vec<f64>,
@@ -125,22 +135,6 @@ fn lists(
         .report_at(section, "time_s", ProblemKind::Mismatch, message)
         .expected("at least one point, times strictly ascending, and as many values as times");
     None
-}
-
-fn file(reader: &mut Reader, section: &Section<'_>, folder: Option<&Path>) -> Option<Points> {
-    let (mut time_s, mut values): Points = (Vec::new(), Vec::new());
-    csv::read(reader, section, folder, &FILE, |row| {
-        let (time, value) = (row[0], row[1]);
-        if let Some(&last) = time_s.last()
-            && time <= last
-        {
-            return Err((follows(time, last), "times strictly ascending"));
-        }
-        time_s.push(time);
-        values.push(value);
-        Ok(())
-    })?;
-    Some((time_s, values))
 }
 
 fn follows(time: f64, last: f64) -> String {

@@ -1,17 +1,19 @@
 //! `[[derived]]` and `[[metrics]]`: names, expressions and windows.
 
 use std::collections::HashSet;
+use std::path::Path;
 
 use shared_types::layout::is_name;
 use shared_types::number::exact as number;
 use shared_types::table::unit_of_name;
 
 use super::run::Grid;
+use super::tables;
 use crate::document::{Node, Value};
 use crate::expression::{Columns, Expression, ExpressionError, Group, Unit, is_reserved};
 use crate::formula::is_operator;
 use crate::keys::METRICS;
-use crate::plan::{Derived, Metric, Published, Window};
+use crate::plan::{Derived, DerivedSource, Metric, Published, Window};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
@@ -30,6 +32,7 @@ pub(super) fn check<'a>(
     root: &Section<'a>,
     columns: &mut Option<Columns>,
     grid: Option<Grid>,
+    folder: &Path,
 ) -> (Vec<Derived>, Vec<Metric>, Vec<Analysed<'a>>) {
     let derived_sections = reader.list(root, "derived");
     let metric_sections = reader.list(root, "metrics");
@@ -46,29 +49,19 @@ pub(super) fn check<'a>(
     for section in &derived_sections {
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
-        let expression = expression(
-            reader,
-            section,
-            "expression",
-            columns.as_ref(),
-            &later,
-            Use::Signal,
-        );
-        let context = (expression.as_ref()).zip(columns.as_ref());
-        let unit = name.and_then(|name| unit(reader, section, context, name));
-        let is_converted = section.table.get("unit").is_none()
-            && known_unit(context).is_some_and(|unit| unit.is_converted());
-        if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
-            match unit.as_deref().unwrap_or_default() {
-                "1" if is_converted => columns.push_converted(name),
-                unit => columns.push_with_unit(Group::Derived, name, unit),
-            }
-        }
-        if let (Some(name), Some(unit), Some(expression)) = (name, unit, expression) {
+        let is_table = section.table.get("expression").is_none()
+            && (TABLE_KEYS.iter()).any(|key| section.table.get(key).is_some());
+        let (source, unit) = if is_table {
+            table(reader, section, name, columns, (folder, grid)).unzip()
+        } else {
+            refuse_both(reader, section);
+            computed(reader, section, name, columns, &later).unzip()
+        };
+        if let (Some(name), Some(unit), Some(source)) = (name, unit, source) {
             derived.push(Derived {
                 name: name.into(),
                 unit,
-                expression,
+                source,
             });
         }
     }
@@ -116,6 +109,78 @@ pub(super) fn check<'a>(
         }
     }
     (derived, metrics, analysed)
+}
+
+/// Keys of which one makes a derived signal a table.
+const TABLE_KEYS: [&str; 3] = ["file", "time_s", "values"];
+
+/// Refuses a derived signal that has both an expression and a table.
+fn refuse_both(reader: &mut Reader, section: &Section<'_>) {
+    let further = |key: &&crate::keys::Key| !matches!(key.name, "name" | "unit" | "expression");
+    let mut keys = section.keys.iter().filter(further);
+    if let Some(key) = keys.find(|key| section.table.get(key.name).is_some()) {
+        let message = format!("`{}` beside an expression", section.path_of(key.name));
+        reader
+            .report_at(section, key.name, ProblemKind::Mismatch, message)
+            .expected("either `expression`, or `file` and its keys");
+    } else if section.table.get("expression").is_none() {
+        let path = section.path_of("expression");
+        reader.missing(section, &path, "an expression, or a `file`".into());
+    }
+}
+
+/// Returns the source and the unit of a derived signal with an expression, and adds its column.
+fn computed(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    name: Option<&str>,
+    columns: &mut Option<Columns>,
+    later: &HashSet<&str>,
+) -> Option<(DerivedSource, String)> {
+    let expression = (section.table.get("expression").is_some())
+        .then(|| {
+            let columns = columns.as_ref();
+            expression(reader, section, "expression", columns, later, Use::Signal)
+        })
+        .flatten();
+    let context = (expression.as_ref()).zip(columns.as_ref());
+    let unit = name.and_then(|name| unit(reader, section, context, name));
+    let is_converted = section.table.get("unit").is_none()
+        && known_unit(context).is_some_and(|unit| unit.is_converted());
+    if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
+        match unit.as_deref().unwrap_or_default() {
+            "1" if is_converted => columns.push_converted(name),
+            unit => columns.push_with_unit(Group::Derived, name, unit),
+        }
+    }
+    Some((DerivedSource::Expression(expression?), unit?))
+}
+
+/// Returns the source and the unit of a derived signal that is a table, and adds its column.
+fn table(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    name: Option<&str>,
+    columns: &mut Option<Columns>,
+    (folder, grid): (&Path, Option<Grid>),
+) -> Option<(DerivedSource, String)> {
+    let given = match section.table.get("unit") {
+        Some(_) => reader.text(section, "unit"),
+        None => name.and_then(unit_of_name),
+    };
+    let signal = tables::Signal {
+        what: "a derived signal",
+        name: name.unwrap_or_default(),
+        unit: given,
+    };
+    let result = tables::check(reader, section, folder, grid, &signal);
+    let unit = result.as_ref().and_then(|(_, unit)| unit.clone());
+    let unit = unit.or(given.map(Into::into)).unwrap_or_else(|| "1".into());
+    // A faulty file is reported once, not at each use of its signal.
+    if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
+        columns.push_with_unit(Group::Derived, name, &unit);
+    }
+    Some((DerivedSource::Table(result?.0), unit))
 }
 
 /// Reads the expression over signals under a key of a section.

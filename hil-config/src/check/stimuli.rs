@@ -8,8 +8,8 @@ use shared_types::layout::is_name;
 use shared_types::number::exact as number;
 use shared_types::table::{Field, unit_of_name};
 
-use super::points;
 use super::run::Grid;
+use super::tables;
 use super::waveforms;
 use crate::document::Value;
 use crate::keys::{SEQUENCE_KIND, WAVEFORMS};
@@ -65,7 +65,12 @@ fn stimulus(
         reference.find(|field| field.is_called(target))
     });
     let unit = unit(reader, section, target, needed, law);
-    let waveform = waveform(reader, section, folder, grid);
+    let signal = tables::Signal {
+        what: "a stimulus",
+        name: target.unwrap_or_default(),
+        unit: unit.as_deref(),
+    };
+    let waveform = waveform(reader, section, folder, grid, &signal);
     let names = needed.into_iter().flat_map(Field::names);
     Some(Stimulus {
         aliases: (names.filter(|name| Some(*name) != target))
@@ -168,6 +173,7 @@ fn waveform(
     section: &Section<'_>,
     folder: &Path,
     grid: Option<Grid>,
+    signal: &tables::Signal<'_>,
 ) -> Option<Waveform> {
     waveform_of(reader, section, folder, grid, true)
 }
@@ -256,10 +262,8 @@ fn waveform_of(
             }
         }
         "table" => {
-            let (time_s, values) = points::check(reader, section, Some(folder), "a stimulus")?;
-            let span = points::Span::of_run(grid.map_or(f64::INFINITY, |grid| grid.end_s()));
-            points::refuse_outside(reader, section, &time_s, &span)?;
-            Waveform::Table { time_s, values }
+            let (table, _) = tables::check(reader, section, folder, grid, signal)?;
+            Waveform::Table(table)
         }
         _ => unreachable!("every kind is read"),
     };

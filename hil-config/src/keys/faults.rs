@@ -89,7 +89,7 @@ pub(crate) const PROFILES: &[SectionKind] = kinds! {
     }
     "table": "Straight lines between points, constant before the first and after the last." {
         file: TEXT,
-            "CSV file with the columns time_s,value, relative to the scenario. Alternative: time_s and values.";
+            "File with a column of times and one of values, relative to the scenario, as for a stimulus. Alternative: time_s and values.";
         time_s: KeyKind::Numbers, "Times since the effect took effect, strictly rising.";
         values: KeyKind::Numbers, "Values, as many as times.";
     }

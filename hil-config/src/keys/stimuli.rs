@@ -2,6 +2,7 @@
 
 use shared_types::time::Rate;
 
+use super::tables::TABLE;
 use super::waveforms::{MULTISINE, PRBS, PULSE, SEQUENCE, SQUARE};
 use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, choice, number, number_or};
 
@@ -146,17 +147,9 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
     },
     WaveformKind {
         name: "table",
-        derivatives: 1,
-        text: "Straight lines between points, constant before the first and after the last; some of the times must lie in the run.",
-        keys: &[
-            Key::new(
-                "file",
-                TEXT,
-                "CSV file with the columns time_s,value, relative to the scenario. Alternative: time_s and values.",
-            ),
-            Key::new("time_s", KeyKind::Numbers, "Times, strictly rising."),
-            Key::new("values", KeyKind::Numbers, "Values, as many as times."),
-        ],
+        derivatives: 5,
+        text: "Rows of a file or of lists, constant before the first and by default after the last; some of the times must lie in the run.",
+        keys: TABLE,
     },
 ];
 
@@ -164,6 +157,7 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
 mod tests {
     use super::*;
     use crate::plan::{Sweep, Waveform};
+    use crate::table::{AfterEnd, Interpolation, Points, Table};
 
     #[test]
     fn waveforms_have_as_many_derivatives_as_in_the_plan() {
@@ -224,10 +218,15 @@ mod tests {
             ),
             (
                 table,
-                Waveform::Table {
-                    time_s: vec![zero],
-                    values: vec![zero],
-                },
+                Waveform::Table(
+                    Table::new(
+                        Points::new(vec![zero], vec![vec![zero]]).expect("a row"),
+                        Interpolation::Cubic,
+                        false,
+                        AfterEnd::Hold,
+                    )
+                    .expect("a table"),
+                ),
             ),
         ];
         for (kind, waveform) in cases {

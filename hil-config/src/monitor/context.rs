@@ -33,11 +33,9 @@ impl<'a> FormulaContext<'a> {
             rate,
             steps,
         };
-        for Derived {
-            name, expression, ..
-        } in derived
-        {
-            if context.is_without_end(expression) {
+        for Derived { name, source, .. } in derived {
+            let expression = source.expression();
+            if expression.is_some_and(|expression| context.is_without_end(expression)) {
                 context.without_end.insert(name);
             }
         }

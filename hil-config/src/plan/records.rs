@@ -5,8 +5,9 @@ use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
-use super::{Plan, Stimulus, driven};
+use super::{Definition, DerivedSource, Plan, Stimulus, Waveform, driven};
 use crate::expression::Columns;
+use crate::table::Table;
 
 impl Plan {
     /// Selects the plan's plant from these descriptions and returns it as its controller and its records see it:
@@ -41,12 +42,25 @@ impl Plan {
         self.stimuli.iter().flat_map(Stimulus::fields).collect()
     }
 
-    /// Returns each derived signal's name and the text of its expression.
+    /// Returns each derived signal's name and definition.
     #[must_use]
-    pub fn derived_texts(&self) -> Vec<(String, String)> {
+    pub fn definitions(&self) -> Vec<(String, Definition)> {
         (self.derived.iter())
-            .map(|derived| (derived.name.clone(), derived.expression.to_string()))
+            .map(|derived| (derived.name.clone(), derived.source.definition()))
             .collect()
+    }
+
+    /// Returns every table over time: of stimuli and of derived signals.
+    pub fn tables_mut(&mut self) -> impl Iterator<Item = &mut Table> {
+        let stimuli = (self.stimuli.iter_mut()).filter_map(|one| match &mut one.waveform {
+            Waveform::Table(table) => Some(table),
+            _ => None,
+        });
+        let derived = (self.derived.iter_mut()).filter_map(|one| match &mut one.source {
+            DerivedSource::Table(table) => Some(table),
+            DerivedSource::Expression(_) => None,
+        });
+        stimuli.chain(derived)
     }
 
     /// Drops everything except the sources of the plan's signals.

@@ -3,6 +3,8 @@
 use serde::{Deserialize, Serialize};
 use shared_types::table::{Field, derivative_of};
 
+use crate::table::Table;
+
 use super::{INPUT_KEYS, REFERENCE_KEYS};
 use crate::stimulus::{Multisine, Prbs, Pulse, Sequence, Square};
 
@@ -120,13 +122,8 @@ pub enum Waveform {
     Multisine(Multisine),
     /// Waveforms one after the other.
     Sequence(Sequence),
-    /// Linear interpolation between points, constant before the first and after the last.
-    Table {
-        /// Times in s, strictly ascending.
-        time_s: Vec<f64>,
-        /// Values, as many as times.
-        values: Vec<f64>,
-    },
+    /// Rows over time and the course between them.
+    Table(Table),
 }
 
 /// Course of a chirp's frequency from f0 to f1 in d, and the number of turns at time t.
@@ -164,12 +161,13 @@ impl Waveform {
     pub const MOST_DERIVATIVES: usize = 5;
 
     /// Returns the number of time derivatives that are sent with the signal: those that exist everywhere, and for
-    /// linear interpolation the slope to the right.
+    /// a table those to the right.
     #[must_use]
-    pub const fn derivatives(&self) -> usize {
+    pub fn derivatives(&self) -> usize {
         match self {
             Self::Paper { .. } | Self::Sine { .. } | Self::Chirp { .. } | Self::Multisine(_) => 5,
-            Self::Ramp { .. } | Self::Table { .. } => 1,
+            Self::Table(table) => table.derivatives(),
+            Self::Ramp { .. } => 1,
             Self::Step { .. } | Self::Square(_) | Self::Pulse(_) | Self::Prbs(_) => 0,
             Self::Sequence(sequence) => sequence.derivatives(),
         }

@@ -27,6 +27,7 @@ mod quantities;
 mod schema;
 mod shipped;
 mod show;
+mod tables;
 mod units;
 mod waveforms;
 

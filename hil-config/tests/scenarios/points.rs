@@ -5,6 +5,7 @@ use std::fs;
 use hil_config::plan::{Plan, Waveform};
 use hil_config::problem::{Problem, ProblemKind};
 use hil_config::scenario::Scenario;
+use hil_config::table::{Points, Table};
 
 use crate::bad::assert_found;
 use crate::descriptions::Checked;
@@ -29,10 +30,9 @@ fn with_file(csv: Option<&str>) -> Result<Plan, Vec<Problem>> {
 }
 
 fn points() -> Waveform {
-    Waveform::Table {
-        time_s: vec![0.0, 0.5, 2.0],
-        values: vec![1.0, -2.5, 3e-3],
-    }
+    let values = vec![vec![1.0, -2.5, 3e-3]];
+    let points = Points::new(vec![0.0, 0.5, 2.0], values).expect("rows");
+    Waveform::Table(Table::linear(points))
 }
 
 #[test]
@@ -60,7 +60,8 @@ fn points_may_stand_in_the_scenario() {
 #[test]
 fn a_wrong_line_is_named_with_file_and_number() {
     let cases = [
-        ("time,value\n0,1\n", 1, "not the header"),
+        ("0,1\n1,2\n", 1, "not the header"),
+        ("value\n1\n", 1, "not the header"),
         ("time_s,value\n0,1\n0.5;2\n", 3, "not a point"),
         ("time_s,value\n0,1\n0.5,two\n", 3, "not a point"),
         ("time_s,value\n0,1\n0.5,nan\n", 3, "not a point"),

@@ -5,7 +5,9 @@
 
 use hil_config::condition::Watch;
 use hil_config::expression::Columns;
-use hil_config::plan::{Condition, FaultAction, FaultEffect, FaultEvent, Move, Trigger};
+use hil_config::plan::{
+    Condition, Definition, FaultAction, FaultEffect, FaultEvent, Move, Trigger,
+};
 use shared_types::describe::{
     ActsOn, FaultKindDescription, Invalid, Operation, PlantDescription, Settings,
 };
@@ -30,7 +32,7 @@ pub struct FaultBuilder {
     kinds: Vec<FaultKindEntry>,
     pub(super) rate: Rate,
     pub(super) seed: u64,
-    derived: Vec<(String, String)>,
+    derived: Vec<(String, Definition)>,
 }
 
 /// Fault event that is ready to act.
@@ -60,7 +62,7 @@ impl FaultBuilder {
         kinds: &[FaultKindEntry],
         parameters: &Settings,
         (rate, seed): (Rate, u64),
-        derived: &[(String, String)],
+        derived: &[(String, Definition)],
     ) -> Result<Self, Invalid> {
         let healthy = (plant.parameters.iter())
             .map(|field| {
@@ -109,7 +111,8 @@ impl FaultBuilder {
     /// If the event names something unknown, or its parameters are inconsistent.
     pub fn build(&self, event: FaultEvent, columns: &Columns) -> Result<ArmedFault, Invalid> {
         let watch = |condition: Option<&Condition>| {
-            let watch = condition.map(|condition| Watch::new(condition, &self.derived, columns));
+            let watch =
+                condition.map(|condition| Watch::new(condition, &self.derived, columns, self.rate));
             watch.transpose().map_err(|e| Invalid(e.to_string()))
         };
         let when = match &event.trigger {

@@ -253,18 +253,19 @@ impl Schedule {
     /// Evaluates the conditions on the record before a step. An end condition is evaluated beginning with the record of
     /// the event's first step.
     fn watch(&mut self, step: Step, last: &[f64]) {
+        let before = Step(step.0.saturating_sub(1));
         for &place in &self.watching {
             let scheduled = &mut self.events[place];
             if scheduled.held {
                 if let Some(until) = &mut scheduled.until
-                    && until.observe(last)
+                    && until.observe(before, last)
                 {
                     scheduled.end = Some(step.0);
                     self.due = step.0;
                 }
             } else if scheduled.hold.is_none()
                 && let Some(when) = &mut scheduled.when
-                && when.observe(last)
+                && when.observe(before, last)
             {
                 scheduled.hold = Some(step.0);
                 self.due = step.0;

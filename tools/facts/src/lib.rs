@@ -19,6 +19,7 @@ pub mod checkpoint;
 pub mod programs;
 pub mod results;
 pub mod session;
+pub mod tables;
 
 #[cfg(test)]
 #[path = "../../recording/tests/shared/fixture.rs"]

@@ -22,6 +22,8 @@
 //! 2. `unpack` decompresses chunks, including truncated ones; [`clean`] sanitises event texts for display.
 //! 3. [`copy::Rescue`] copies the readable part of a file into a complete one.
 //!
+//! [`ros`] reads numbers of ROS 2 messages, which other programs wrote.
+//!
 //! [`part_file`] writes files atomically and removes leftovers of a killed `hil`.
 
 mod chunk;
@@ -36,6 +38,7 @@ mod mcap_file;
 pub mod part_file;
 pub mod reader;
 pub mod reserve;
+pub mod ros;
 pub mod schema;
 pub mod size;
 mod unpack;

@@ -420,6 +420,15 @@ impl RunReader {
     }
 }
 
+/// Returns the folder of a run, given the folder or its recording.
+#[must_use]
+pub fn folder_of(run: &Path) -> &Path {
+    match run.parent() {
+        Some(parent) if !run.is_dir() => parent,
+        _ => run,
+    }
+}
+
 /// Computes the digest of the first records of a run.
 ///
 /// # Errors

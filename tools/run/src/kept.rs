@@ -18,10 +18,10 @@ use hil_session::supervision::NEXT;
 use shared_types::record::{Outcome, RecordLayout};
 
 use super::attach::attach;
-use super::jobs;
 use super::recorder::direct::take_run;
 use super::settings::Settings;
 use super::side::{LOOK, SideProcess};
+use super::{jobs, tables};
 
 /// Maximum number of persistent pairs, all but one of which sleep.
 const MOST_PAIRS: usize = 16;
@@ -156,7 +156,8 @@ fn write_jobs(
         id: session.id.wrapping_add(number),
         ..session.clone()
     };
-    let (mut plant, mut controller) = jobs::of(plan, binaries, &of_run, settings, &[]);
+    let plan = tables::in_session(plan, &session.folder)?;
+    let (mut plant, mut controller) = jobs::of(&plan, binaries, &of_run, settings, &[]);
     (plant.is_kept, controller.is_kept) = (true, true);
     (session.write_file(plant_process::job::JOB_FILE, &plant))
         .and_then(|()| session.write_file(controller_process::job::JOB_FILE, &controller))
@@ -264,7 +265,8 @@ fn refuse_jobs(
 ) -> Result<(), Failure> {
     let session = Session::create(None).map_err(Failure::infrastructure)?;
     let info = session.info();
-    let (plant, controller) = jobs::of(plan, binaries, info, settings, &[]);
+    let plan = tables::in_session(plan, &info.folder)?;
+    let (plant, controller) = jobs::of(&plan, binaries, info, settings, &[]);
     let file = plant_process::job::JOB_FILE;
     jobs::check(&binaries.plant, info, file, &plant, interruption)?;
     let file = controller_process::job::JOB_FILE;

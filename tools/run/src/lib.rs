@@ -2,7 +2,7 @@
 //! controller changes. Decides nothing about several runs, and compares nothing.
 //!
 //! 1. [`settings`] checks the options from the command line.
-//! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder, [jobs], [provenance].
+//! 2. [`execute`](execute()) calls `prepare`: refusals, session, folder with its long `tables`, [jobs], [provenance].
 //! 3. `processes` or `in_process` runs both sides, with the [recorder] attached to their stream. Both end a run whose
 //!    recorder failed, for example on a full disk, and `processes` ends a run whose side died. `controllers` restarts a
 //!    lost controller or lets its loss end the run, and `termination` states why the run ended; the policies `hold` and
@@ -50,6 +50,7 @@ mod restoration;
 pub mod settings;
 pub mod side;
 pub mod swap;
+mod tables;
 mod termination;
 
 #[cfg(test)]

@@ -31,7 +31,7 @@ use shared_types::time::Step;
 use super::environment::{Environment, Origin};
 use super::prepared::{PreparedRun, leave};
 use super::settings::Settings;
-use super::{in_process, jobs, provenance, realtime};
+use super::{in_process, jobs, provenance, realtime, tables};
 use crate::recorder::RecordingPlan;
 
 /// Disk space reserved for the summary.
@@ -42,7 +42,7 @@ const SUMMARY_BYTES: u64 = 256 << 10;
 /// # Errors
 /// If the run cannot be executed as requested.
 pub(super) fn prepare(
-    plan: Plan,
+    mut plan: Plan,
     environment: Environment,
     origin: Origin,
 ) -> Result<(PreparedRun, Session), Failure> {
@@ -54,7 +54,6 @@ pub(super) fn prepare(
     let checkpoints = check(&plan, &binaries, &settings, &origin)?;
     let layout = binaries.record_layout(&plan)?;
     tell_size(&plan, &layout, &settings)?;
-    let effective = scenario::show(&plan, &binaries)?;
 
     let is_in_process = settings.link == LinkKind::InProcess;
     let create = if is_in_process {
@@ -69,7 +68,16 @@ pub(super) fn prepare(
         other => Failure::infrastructure(other),
     })?;
     let info = session.info().clone();
-    let (mut plant, mut controller) = jobs::of(&plan, &binaries, &info, &settings, &checkpoints);
+    let folder = folder::of_run(settings.out.as_deref(), &plan.name, &info.name);
+    let absolute = std::path::absolute(&folder).unwrap_or_else(|_| folder.clone());
+    let long_tables = tables::refer(&mut plan, &absolute);
+    let effective = scenario::show(&plan, &binaries)?;
+    let of_session = match is_in_process || long_tables.is_empty() {
+        true => None,
+        false => Some(tables::in_session(&plan, &info.folder)?),
+    };
+    let of_jobs = of_session.as_ref().unwrap_or(&plan);
+    let (mut plant, mut controller) = jobs::of(of_jobs, &binaries, &info, &settings, &checkpoints);
     let mut marks: Vec<u64> = checkpoints.iter().map(|step| step.0).collect();
     let mut past = None;
     let mut resumed = None;
@@ -103,8 +111,6 @@ pub(super) fn prepare(
     }
     Notice::write(&info, &effective, &binaries, is_in_process)?;
     let started_utc = humantime::format_rfc3339_millis(SystemTime::now()).to_string();
-    let folder = folder::of_run(settings.out.as_deref(), &plan.name, &info.name);
-    let absolute = std::path::absolute(&folder).unwrap_or_else(|_| folder.clone());
     begun::note(|| BegunRun {
         folder: absolute.clone(),
         scenario: plan.name.clone(),
@@ -125,6 +131,7 @@ pub(super) fn prepare(
         .map_err(Failure::infrastructure)?;
     let in_place = is_in_process && settings.recording.is_none();
     write_scenario(&folder, &effective, in_place)?;
+    tables::write(&long_tables)?;
     let recording = (settings.recording.as_ref()).map(|recording| {
         let mut provenance =
             provenance::of(&plan, &info, &binaries, &settings, &effective, &started_utc);

@@ -9,6 +9,7 @@ use hil_facts::programs::binaries::Choices;
 use hil_facts::programs::binaries::named::{Named, refuse_set};
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::programs::scenario;
+use hil_facts::tables::FORMATS;
 use hil_recording::reader;
 use hil_run::{Environment, Origin, Repeated};
 use serde_json::json;
@@ -79,7 +80,11 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
         }
     }
     let text = recorded.scenario()?;
-    let scenario = Scenario::parse(&text, format!("the scenario of {run_text}"));
+    let scenario = Scenario::parse(&text, format!("the scenario of {run_text}")).map(|scenario| {
+        scenario
+            .beside(reader::folder_of(&arguments.run))
+            .with_formats(FORMATS)
+    });
     let check = || scenario::check(scenario, &options.changes, binaries, options.json);
     let mut plan = interruption.at_once(check)??;
     if options.changes.clock.is_none() && plan.run.clock == Clock::Realtime {

@@ -95,14 +95,12 @@ fn file(
     let table = reader.table(section, &described.key)?.with_keys(FILE);
     reader.refuse_unknown(&table, &[]);
     let layout = csv::Layout {
-        header: None,
         columns: described.columns,
         row: "row",
     };
     let mut rows = Vec::new();
     csv::read(reader, &table, folder, &layout, |row| {
         rows.extend_from_slice(row);
-        Ok(())
     })?;
     Some(rows)
 }

@@ -19,6 +19,7 @@ use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::curve::Grid;
+use hil_facts::tables::FORMATS;
 use hil_run::alone;
 use hil_run::kept::Kept;
 use hil_session::asking;
@@ -70,7 +71,7 @@ impl Cases {
     ) -> Result<Self, Failure> {
         refuse_programs(&study)?;
         asking::allow_seconds(study.wait_limit_s);
-        let scenario = study.read_scenario()?;
+        let scenario = study.read_scenario()?.with_formats(FORMATS);
         let draws = Draws::new(study)?;
         let named = scenario.programs();
         let rig = match choices(&scenario, binaries, &named, named.clone())?.names_one() {
@@ -111,7 +112,7 @@ impl Cases {
     ) -> Result<Self, Failure> {
         asking::allow_seconds(study.wait_limit_s);
         let (manifest, path) = (folder.manifest(), folder.path());
-        let scenario = Scenario::read(path.join(&manifest.scenario.path))?;
+        let scenario = Scenario::read(path.join(&manifest.scenario.path))?.with_formats(FORMATS);
         let copies = manifest.tables.iter();
         let tables = copies.map(|(name, copy)| (name.clone(), copy.path.clone()));
         let tables: BTreeMap<String, String> = tables.collect();

@@ -96,7 +96,7 @@ pub struct InjectArguments {
     /// Vary as a sine of FREQUENCY in Hz and PHASE in rad
     #[arg(long, value_name = "FREQUENCY[,PHASE]", value_parser = sine, group = "profile", help_heading = "Profile")]
     pub sine: Option<(f64, f64)>,
-    /// Follow the points of a CSV file with the header time_s,value
+    /// Follow the points of a file with a column of times and one of values
     #[arg(
         long,
         value_name = "FILE.csv",

@@ -100,7 +100,9 @@ impl Past {
         refuse_set(&changes.set, |role| role.flag)?;
         let origin = format!("the scenario of {}", self.folder.display());
         let (plants, laws, kinds) = binaries.described();
-        let scenario = || Scenario::parse(&self.scenario, &origin);
+        let scenario = || {
+            Scenario::parse(&self.scenario, &origin).map(|scenario| scenario.beside(&self.folder))
+        };
         let then = scenario().and_then(|scenario| scenario.check(plants, laws, kinds))?;
         let now = scenario::check(scenario(), changes, binaries, json)?;
         for set in &changes.set {

@@ -7,6 +7,8 @@ use hil_config::scenario::{Advice, Scenario};
 use hil_console::terminal::exit::Failure;
 use shared_types::describe::Description;
 
+use crate::tables::FORMATS;
+
 /// Returns the plan of a scenario, checked against the descriptions of plant and controller.
 ///
 /// # Errors
@@ -17,18 +19,25 @@ pub fn checked(
     plant: &Description,
     controller: &Description,
 ) -> Result<Plan, Failure> {
-    let advice = Advice {
-        plant: "these are the plants of the run's own plant program".into(),
-        law: "these are the laws of the run's own controller program".into(),
-    };
-    checked_with(advice, text, origin, plant, controller)
+    let folder = origin.parent().unwrap_or(Path::new(""));
+    checked_beside(folder, of_run(), text, origin, plant, controller)
 }
 
-/// Does the same as [`checked`], with other advice on unknown plants and laws.
+/// Returns the advice on programs that a run has.
+#[must_use]
+pub fn of_run() -> Advice {
+    Advice {
+        plant: "these are the plants of the run's own plant program".into(),
+        law: "these are the laws of the run's own controller program".into(),
+    }
+}
+
+/// Like [`checked`], with the folder of the scenario's files and other advice.
 ///
 /// # Errors
 /// All problems of the scenario.
-pub fn checked_with(
+pub fn checked_beside(
+    folder: &Path,
     advice: Advice,
     text: &str,
     origin: &Path,
@@ -36,7 +45,7 @@ pub fn checked_with(
     controller: &Description,
 ) -> Result<Plan, Failure> {
     Scenario::parse(text, origin)
-        .map(|scenario| scenario.advise(advice))
+        .map(|scenario| scenario.advise(advice).beside(folder).with_formats(FORMATS))
         .and_then(|scenario| scenario.check(&plant.plants, &controller.laws, &plant.faults))
         .map_err(Failure::from)
 }

@@ -16,6 +16,7 @@ use crate::arguments::BinaryArguments;
 use crate::arguments::run::Changes;
 use crate::programs::binaries::named::Named;
 use crate::programs::binaries::reached::Reached;
+use crate::tables::FORMATS;
 
 /// Parts of a scenario that determine what runs. The other parts disturb the run, which the samples already reflect, or
 /// judge it by signals that another controller may not know.
@@ -74,7 +75,10 @@ impl<'a> Finder<'a> {
         json: bool,
     ) -> Result<(Plan, Arc<Binaries>), Failure> {
         changes.check()?;
-        let read = || Scenario::read(path).map(|scenario| scenario.set(&changes.as_set()));
+        let read = || {
+            let scenario = Scenario::read(path)?.with_formats(FORMATS);
+            Ok(scenario.set(&changes.as_set()))
+        };
         let scenario = self.interruption.at_once(read)?;
         let scenario = scenario.or_else(|problems| refused(&problems, json))?;
         let choices = Choices::of(self.arguments, &Named::by(&scenario), self.at)?;

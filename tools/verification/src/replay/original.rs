@@ -9,10 +9,10 @@ use hil_config::plan::Plan;
 use hil_config::scenario::Advice;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binary;
-use hil_facts::programs::checked::{checked, checked_with};
+use hil_facts::programs::checked::{checked_beside, of_run};
 use hil_facts::programs::scenario::kept;
 use hil_facts::results::recorded_run::RecordedRun;
-use hil_recording::reader::RunReader;
+use hil_recording::reader::{RunReader, folder_of};
 use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
 use shared_types::table::Field;
@@ -73,7 +73,15 @@ impl Original {
                 Failure::usage(format!("{}: its scenario: {error}", run.display()))
             })?;
             scenario = document.to_string();
-            checked(&scenario, origin.as_ref(), plant, controller)
+            let folder = folder_of(run);
+            checked_beside(
+                folder,
+                of_run(),
+                &scenario,
+                origin.as_ref(),
+                plant,
+                controller,
+            )
         })?;
         let RecordedRun {
             plant_program,
@@ -108,7 +116,8 @@ impl Original {
             law: controller.advice("law", "--controller-bin PATH"),
             ..Advice::default()
         };
-        checked_with(
+        checked_beside(
+            folder_of(&self.run),
             advice,
             &self.scenario,
             origin.as_ref(),

@@ -1,7 +1,7 @@
 //! Comparisons in requirements that a plot can show: a signal against a level or another signal.
 
 use hil_config::expression::Expression;
-use hil_config::plan::{Derived, Plan};
+use hil_config::plan::{Derived, DerivedSource, Plan};
 
 use super::signal::recorded_name;
 
@@ -57,7 +57,7 @@ pub fn bounds(plan: &Plan, end_s: f64) -> (Vec<Bound>, Vec<Derived>) {
                     extra.push(Derived {
                         name: text.clone(),
                         unit: requirement.unit.clone(),
-                        expression: side.clone(),
+                        source: DerivedSource::Expression(side.clone()),
                     });
                 }
                 BoundedSignal {

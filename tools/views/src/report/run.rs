@@ -286,7 +286,9 @@ impl Reading<'_> {
         let is_known = |name: &str| {
             columns.index_of(name).is_some() || plan.derived.iter().any(|one| one.name == name)
         };
-        let can_be = |one: &&plan::Derived| one.expression.signals().all(is_known);
+        let can_be = |one: &&plan::Derived| {
+            (one.source.expression()).is_none_or(|expression| expression.signals().all(is_known))
+        };
         let extra: Vec<_> = self.extra.iter().filter(can_be).cloned().collect();
         plan.derived.extend(extra);
         let evaluation = run.evaluation(reader, &plan).ok()?;

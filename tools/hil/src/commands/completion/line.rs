@@ -11,6 +11,7 @@ use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::Choices;
 use hil_facts::programs::binaries::named::Named;
 use hil_facts::session::observer::Notice;
+use hil_facts::tables::FORMATS;
 use hil_run::alone::built_in;
 use hil_session::session::{self, SessionInfo};
 use shared_types::describe::Description;
@@ -142,7 +143,7 @@ impl Line {
     }
 
     fn of_scenario(&self, path: &Path) -> Option<Subject> {
-        let scenario = Scenario::read(path).ok()?;
+        let scenario = Scenario::read(path).ok()?.with_formats(FORMATS);
         let binaries = BinaryArguments {
             plant_bin: self.after("--plant-bin").map(Into::into),
             controller_bin: self.after("--controller-bin").map(Into::into),

@@ -164,7 +164,7 @@ fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
         ("late plant --histogram 1,2", "`1` is not a row of `histogram` ; NUMBER:NUMBER,NUMBER:NUMBER,..: Rows. ; "),
         (
             "bias x 1 --table /nowhere.csv",
-            "/nowhere.csv: No such file or directory (os error 2) ; a CSV file with the header time_s,value ; ",
+            "/nowhere.csv: No such file or directory (os error 2) ; a table of a time and one or more columns ; ",
         ),
     ];
     for (line, expected) in cases {
@@ -219,6 +219,6 @@ fn a_file_of_points_is_sent_as_numbers() {
     assert!(
         refused.expect_err("no number")[0]
             .message
-            .ends_with("line 2 is not a point: 0,a")
+            .contains("line 2 `0,a`: not a point: `a` in `value` is not a number")
     );
 }

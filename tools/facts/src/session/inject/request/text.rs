@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hil_config::scenario::read_regular;
+use hil_config::table_file;
 use hil_console::terminal::duration::in_unit;
 use shared_types::describe::ListDescription;
 use shared_types::live::Refusal;
@@ -11,6 +11,7 @@ use shared_types::table::Field;
 
 use crate::arguments::inject::InjectArguments;
 use crate::session::live::refusal;
+use crate::tables::FORMATS;
 
 /// Formats the event's own keys.
 pub(super) fn head(kind: &str, arguments: &InjectArguments) -> String {
@@ -113,32 +114,20 @@ pub(super) fn profile(arguments: &InjectArguments) -> Result<Option<String>, Ref
     Ok(Some(format!("{{ {body} }}")))
 }
 
-/// Reads the points of a CSV file here, because the plant may run on another machine.
+/// Reads the points of a file here, because the plant may run on another machine.
 fn points(file: &Path) -> Result<(Vec<f64>, Vec<f64>), Refusal> {
-    const HEADER: &str = "time_s,value";
-    let refused = |message: String| {
-        let expected = format!("a CSV file with the header {HEADER}");
-        refusal("table", format!("{}: {message}", file.display()), expected)
-    };
-    let text = read_regular(file).map_err(|error| refused(error.to_string()))?;
-    let lines = (1..).zip(text.lines().map(str::trim));
-    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#'));
-    let header: Option<String> = lines
-        .next()
-        .map(|(_, line)| line.split(',').map(str::trim).collect::<Vec<_>>().join(","));
-    if header.as_deref() != Some(HEADER) {
-        return Err(refused("not a table of points".into()));
-    }
-    let point = |(number, line): (u32, &str)| {
-        let cells = line
-            .split_once(',')
-            .map(|(time, value)| (time.trim().parse::<f64>(), value.trim().parse::<f64>()));
-        match cells {
-            Some((Ok(time_s), Ok(value))) => Ok((time_s, value)),
-            _ => Err(refused(format!("line {number} is not a point: {line}"))),
-        }
-    };
-    lines.map(point).collect()
+    table_file::points(file, FORMATS).map_err(|bad| {
+        let line = bad
+            .line
+            .map(|(number, text)| format!("line {number} `{text}`: "));
+        let message = format!(
+            "{}: {}{}",
+            file.display(),
+            line.unwrap_or_default(),
+            bad.message
+        );
+        refusal("table", message, bad.expected)
+    })
 }
 
 /// Formats a number as TOML.

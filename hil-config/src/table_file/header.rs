@@ -1,0 +1,126 @@
+//! Names of columns with their units, as programs write them: `angle [deg]`, `angle (deg)`, `angle_deg`.
+
+use shared_types::table::unit_of_name;
+
+/// Name of a column, split from its unit.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ColumnName {
+    /// Name as in the file.
+    pub name: String,
+    /// Name without its unit.
+    pub label: String,
+    /// Unit in the name, or stored beside it.
+    pub unit: Option<String>,
+}
+
+/// Labels of time columns, in small letters.
+const TIMES: [&str; 6] = ["time", "t", "timestamp", "seconds", "sec", "log_time"];
+
+/// Units of time that only names of time columns end with.
+const TIME_ENDINGS: [&str; 6] = ["s", "ms", "us", "ns", "min", "h"];
+
+impl ColumnName {
+    /// Splits a name.
+    #[must_use]
+    pub fn of(name: &str) -> Self {
+        let name = name.trim();
+        for (open, close) in [('[', ']'), ('(', ')')] {
+            let inner = name
+                .strip_suffix(close)
+                .and_then(|rest| rest.split_once(open));
+            if let Some((label, unit)) = inner {
+                return Self {
+                    name: name.into(),
+                    label: label.trim().into(),
+                    unit: Some(spelt(unit.trim())),
+                };
+            }
+        }
+        let ending = name
+            .rsplit_once('_')
+            .map(|(label, ending)| (label, ending, ending));
+        let time =
+            ending.filter(|(label, ending, _)| is_time(label) && TIME_ENDINGS.contains(ending));
+        let unit = ending.and_then(|(label, _, _)| Some((label, "", unit_of_name(name)?)));
+        match time.or(unit) {
+            Some((label, _, unit)) => Self {
+                name: name.into(),
+                label: label.into(),
+                unit: Some(unit.into()),
+            },
+            None => Self {
+                name: name.into(),
+                label: name.into(),
+                unit: None,
+            },
+        }
+    }
+
+    /// Creates the name of a column whose unit is stored beside it.
+    #[must_use]
+    pub fn with_unit(name: &str, unit: &str) -> Self {
+        let split = Self::of(name);
+        match unit {
+            "" => split,
+            unit => Self {
+                unit: Some(unit.into()),
+                ..split
+            },
+        }
+    }
+
+    /// Returns `true` if the name is that of a time.
+    #[must_use]
+    pub fn is_time(&self) -> bool {
+        is_time(&self.label)
+    }
+}
+
+fn is_time(label: &str) -> bool {
+    TIMES.iter().any(|time| label.eq_ignore_ascii_case(time))
+}
+
+/// Spells a unit as in scenarios.
+fn spelt(unit: &str) -> String {
+    let unit = unit.replace('°', "deg").replace(['µ', 'μ'], "u");
+    let unit = unit.replace('^', "").replace('²', "2").replace('³', "3");
+    match unit.as_str() {
+        "-" | "" => "1".into(),
+        "sec" => "s".into(),
+        _ => unit,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_unit_stands_in_brackets_or_at_the_end() {
+        let split = |name: &str| {
+            let split = ColumnName::of(name);
+            (split.label, split.unit.unwrap_or_default())
+        };
+        for (name, label, unit) in [
+            ("angle [deg]", "angle", "deg"),
+            ("angle (deg)", "angle", "deg"),
+            (" angle[°/s] ", "angle", "deg/s"),
+            ("angle_deg", "angle", "deg"),
+            ("f(x) [N]", "f(x)", "N"),
+            ("accel [m/s^2]", "accel", "m/s2"),
+            ("T [°C]", "T", "degC"),
+            ("time_ms", "time", "ms"),
+            ("Time (ms)", "Time", "ms"),
+            ("timestamp_ns", "timestamp", "ns"),
+            ("gain [-]", "gain", "1"),
+            ("value", "value", ""),
+            (
+                "reference.surface_angle_rad",
+                "reference.surface_angle",
+                "rad",
+            ),
+        ] {
+            assert_eq!(split(name), (label.into(), unit.into()), "{name}");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Tables in Parquet files of flat columns of numbers.
+
+use std::fs::File;
+use std::path::Path;
+
+use hil_config::table_file::{ColumnName, Objection, Refusal, TableSource, TakeRow};
+use parquet::basic::{LogicalType, TimeUnit, Type as Physical};
+use parquet::file::reader::{FileReader, SerializedFileReader};
+use parquet::record::Field;
+use parquet::schema::types::Type;
+
+const EXPECTED: &str = "a Parquet file with flat columns of numbers";
+
+/// Open file.
+struct Table {
+    reader: SerializedFileReader<File>,
+    names: Vec<ColumnName>,
+    /// Index of each column in the schema.
+    columns: Vec<usize>,
+}
+
+/// Opens a file, whose columns are all listed.
+pub(super) fn open(path: &Path, _columns: &[&str]) -> Result<Box<dyn TableSource>, Refusal> {
+    let refused = |error: &dyn std::fmt::Display| Refusal::new(error.to_string(), EXPECTED);
+    let file = File::open(path).map_err(|error| refused(&error))?;
+    let reader = SerializedFileReader::new(file).map_err(|error| refused(&error))?;
+    let fields = reader
+        .metadata()
+        .file_metadata()
+        .schema()
+        .get_fields()
+        .iter()
+        .enumerate();
+    let numbers = fields.filter(|(_, field)| {
+        let kind = field.is_primitive().then(|| field.get_physical_type());
+        matches!(
+            kind,
+            Some(Physical::INT32 | Physical::INT64 | Physical::FLOAT | Physical::DOUBLE)
+        )
+    });
+    let (columns, names): (Vec<usize>, Vec<ColumnName>) = numbers
+        .map(|(at, field)| (at, ColumnName::with_unit(field.name(), unit(field))))
+        .unzip();
+    if names.is_empty() {
+        return Err(Refusal::new("it has no column of numbers", EXPECTED));
+    }
+    Ok(Box::new(Table {
+        reader,
+        names,
+        columns,
+    }))
+}
+
+/// Returns the unit of a column of dates; other columns have it in their names.
+fn unit(field: &Type) -> &'static str {
+    match field.get_basic_info().logical_type_ref() {
+        Some(LogicalType::Timestamp(time)) => match time.unit {
+            TimeUnit::MILLIS => "ms",
+            TimeUnit::MICROS => "us",
+            TimeUnit::NANOS => "ns",
+        },
+        _ => "",
+    }
+}
+
+impl TableSource for Table {
+    fn columns(&self) -> &[ColumnName] {
+        &self.names
+    }
+
+    fn read(&mut self, chosen: &[usize], take: &mut TakeRow<'_>) -> Result<(), Refusal> {
+        let schema = self.reader.metadata().file_metadata().schema();
+        // A projection keeps the order of the file.
+        let mut kept: Vec<usize> = chosen.iter().map(|&at| self.columns[at]).collect();
+        kept.sort_unstable();
+        kept.dedup();
+        let fields = kept
+            .iter()
+            .map(|&at| schema.get_fields()[at].clone())
+            .collect();
+        let place = |at: &usize| kept.iter().position(|column| *column == self.columns[*at]);
+        let places: Vec<usize> = chosen.iter().filter_map(place).collect();
+        let refused =
+            |error: parquet::errors::ParquetError| Refusal::new(error.to_string(), EXPECTED);
+        let projection = Type::group_type_builder(schema.name())
+            .with_fields(fields)
+            .build();
+        let projection = projection.map_err(refused)?;
+        let rows = self
+            .reader
+            .get_row_iter(Some(projection))
+            .map_err(refused)?;
+        let mut numbers = vec![0.0; chosen.len()];
+        for (row, cells) in rows.enumerate() {
+            let cells = cells.map_err(refused)?.into_columns();
+            for (number, &place) in numbers.iter_mut().zip(&places) {
+                let (name, cell) = &cells[place];
+                *number = value(cell).ok_or_else(|| {
+                    Refusal::new(
+                        format!("row {}: `{name}` is {cell}", row + 1),
+                        "a finite number in every row",
+                    )
+                })?;
+            }
+            take(row + 1, &numbers).map_err(|Objection { message, expected }| {
+                Refusal::new(format!("row {}: {message}", row + 1), expected)
+            })?;
+        }
+        Ok(())
+    }
+}
+
+/// Returns the number in a cell, if it is finite.
+fn value(cell: &Field) -> Option<f64> {
+    let value = match *cell {
+        Field::Byte(value) => f64::from(value),
+        Field::Short(value) => f64::from(value),
+        Field::Int(value) => f64::from(value),
+        Field::Long(value) | Field::TimestampMillis(value) | Field::TimestampMicros(value) => {
+            value as f64
+        }
+        Field::UByte(value) => f64::from(value),
+        Field::UShort(value) => f64::from(value),
+        Field::UInt(value) => f64::from(value),
+        Field::ULong(value) => value as f64,
+        Field::Float(value) => f64::from(value),
+        Field::Double(value) => value,
+        _ => return None,
+    };
+    value.is_finite().then_some(value)
+}
