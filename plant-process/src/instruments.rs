@@ -156,6 +156,7 @@ fn started(
         list: &stage.list,
         rate,
         signals,
+        is_instrument: true,
     })?;
     started.hold(RandomStream::new(seed, &format!("{path}/{number}/{kind}")));
     Ok(started)

@@ -206,6 +206,7 @@ impl FaultBuilder {
                 Place::Signal(Direction::Command, _) => self.commands(),
                 _ => 0,
             },
+            is_instrument: false,
         })?;
         let action = match place {
             Place::Parameter(index) => Action::Parameter(index, fault),

@@ -93,6 +93,8 @@ pub struct Setup<'a, P> {
     pub rate: Rate,
     /// Number of signals in the row that [`FaultKind::coupled`] gets; 0 where it is not called.
     pub signals: usize,
+    /// `true` for a stage of an instrument, `false` for a fault.
+    pub is_instrument: bool,
 }
 
 /// Step at which a fault acts.
@@ -257,6 +259,7 @@ impl FaultKindEntry {
                     list: setup.list,
                     rate: setup.rate,
                     signals: setup.signals,
+                    is_instrument: setup.is_instrument,
                 })?;
                 Ok(Box::new(fault))
             },

@@ -132,6 +132,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
                     list,
                     rate: rate(10_000.0),
                     signals: 4,
+                    is_instrument: false,
                 };
                 let started = (entry(&event.kind).start)(&setup);
                 assert!(started.is_ok(), "{toml}");
