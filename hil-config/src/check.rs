@@ -59,6 +59,8 @@ pub struct RequestContext {
     pub parameters: Settings,
     /// Reference signals.
     pub stimuli: Vec<Stimulus>,
+    /// Recorded inputs of sensors and of actuators.
+    pub taps: [Vec<Field>; 2],
     /// The scenario's derived signals by name and expression.
     pub derived: Vec<(String, String)>,
     /// Steps per second.
@@ -80,6 +82,7 @@ impl RequestContext {
             kinds: kinds.to_vec(),
             parameters: plan.plant.parameters.clone(),
             stimuli: plan.stimuli.clone(),
+            taps: plan.tap_fields(plant),
             derived: plan.derived_texts(),
             rate: plan.run.rate,
             steps: plan.run.steps,
@@ -117,6 +120,7 @@ impl RequestContext {
         let root = root(&scenario).with_keys(keys::REQUEST);
         let reference: Vec<Field> = self.stimuli.iter().flat_map(Stimulus::fields).collect();
         let mut columns = Columns::of(&self.plant, &self.stimuli, internals);
+        columns.push_taps(self.taps.each_ref());
         for (name, text) in &self.derived {
             let expression = Expression::parse(text).ok();
             let typed = expression.as_ref().map(|expression| (expression, &columns));
@@ -270,6 +274,11 @@ fn parts(
         }
         _ => None,
     };
+    if let (Some(columns), Some(plant), Some((sensors, actuators)), Some(grid)) =
+        (&mut columns, plant, &instruments, grid)
+    {
+        columns.push_possible_taps(plant, [sensors, actuators], grid.rate);
+    }
     let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid);
     let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
     let context = EventContext {
@@ -308,7 +317,7 @@ fn parts(
     };
     belonging::advise(reader, root.table, &owners);
     let (sensors, actuators) = instruments?;
-    Some(Plan {
+    let mut plan = Plan {
         name,
         description: description.into(),
         run: run?,
@@ -330,7 +339,9 @@ fn parts(
         plots,
         panel,
         programs,
-    })
+    };
+    plan.tap_named(plant?);
+    Some(plan)
 }
 
 /// Returns the folder to which paths in a scenario are relative.

@@ -29,13 +29,17 @@ pub enum Group {
     Stimulus,
     /// Effective values of the plant's faultable parameters, `parameter.x`.
     Parameter,
+    /// Inputs of sensors and of their stages, `sensor.x`.
+    Sensor,
+    /// Inputs of actuators and of their stages, `actuator.x`.
+    Actuator,
     /// Derived from the others, `x`.
     Derived,
 }
 
 impl Group {
     /// Every group, in record order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 12] = [
         Self::Truth,
         Self::Measured,
         Self::Reference,
@@ -45,6 +49,8 @@ impl Group {
         Self::Sensed,
         Self::Stimulus,
         Self::Parameter,
+        Self::Sensor,
+        Self::Actuator,
         Self::Derived,
     ];
 
@@ -61,6 +67,8 @@ impl Group {
             Self::Sensed => "sensed",
             Self::Stimulus => "stimulus",
             Self::Parameter => "parameter",
+            Self::Sensor => "sensor",
+            Self::Actuator => "actuator",
             Self::Derived => "",
         }
     }

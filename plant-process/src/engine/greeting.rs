@@ -55,7 +55,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             reference,
             ..
         } = &self.plant;
-        let layout = RecordLayout::of(description, reference.clone(), &welcome.command);
+        let [sensor, actuator] = self.job.tap_fields(description);
+        let layout = RecordLayout {
+            sensor,
+            actuator,
+            ..RecordLayout::of(description, reference.clone(), &welcome.command)
+        };
         self.link.open_frames(&FrameSpec {
             identity: welcome.frame_identity(),
             outgoing: welcome.sample.len(),

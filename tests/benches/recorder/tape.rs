@@ -44,6 +44,8 @@ impl Tape {
             command: fields("command"),
             internal: fields("internal"),
             parameter: fields("parameter"),
+            sensor: fields("sensor"),
+            actuator: fields("actuator"),
             command_signals: 0,
             command_places: Vec::new(),
         };

@@ -42,6 +42,8 @@ impl Copy {
             command,
             internal,
             parameter: fields("parameter"),
+            sensor: fields("sensor"),
+            actuator: fields("actuator"),
         };
         let columns = reader
             .columns()
