@@ -2,6 +2,8 @@
 //! the bit wherever it runs.
 
 mod inputs;
+mod judges;
+mod survival;
 
 use std::path::PathBuf;
 
