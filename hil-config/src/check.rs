@@ -62,6 +62,8 @@ pub struct RequestContext {
     pub parameters: Settings,
     /// Reference signals, and inputs of the plant with a course.
     pub stimuli: Vec<Stimulus>,
+    /// Recorded inputs of sensors and of actuators.
+    pub taps: [Vec<Field>; 2],
     /// The scenario's derived signals by name and definition.
     pub derived: Vec<(String, Definition)>,
     /// Steps per second.
@@ -83,6 +85,7 @@ impl RequestContext {
             kinds: kinds.to_vec(),
             parameters: plan.plant.parameters.clone(),
             stimuli: plan.stimuli.clone(),
+            taps: plan.tap_fields(plant),
             derived: plan.definitions(),
             rate: plan.run.rate,
             steps: plan.run.steps,
@@ -120,6 +123,7 @@ impl RequestContext {
         let root = root(&scenario).with_keys(keys::REQUEST);
         let reference: Vec<Field> = self.stimuli.iter().flat_map(Stimulus::fields).collect();
         let mut columns = Columns::of(&self.plant, &self.stimuli, internals);
+        columns.push_taps(self.taps.each_ref());
         for (name, definition) in &self.derived {
             let expression = match definition {
                 Definition::Expression(text) => Expression::parse(text).ok(),
@@ -289,6 +293,11 @@ fn parts(
         }
         _ => None,
     };
+    if let (Some(columns), Some(plant), Some((sensors, actuators)), Some(grid)) =
+        (&mut columns, plant, &instruments, grid)
+    {
+        columns.push_possible_taps(plant, [sensors, actuators], grid.rate);
+    }
     let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid, folder);
     let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
     let context = EventContext {
@@ -328,7 +337,7 @@ fn parts(
     };
     belonging::advise(reader, root.table, &owners);
     let (sensors, actuators) = instruments?;
-    Some(Plan {
+    let mut plan = Plan {
         name,
         description: description.into(),
         run: run?,
@@ -350,7 +359,9 @@ fn parts(
         plots,
         panel,
         programs,
-    })
+    };
+    plan.tap_named(plant?);
+    Some(plan)
 }
 
 /// Returns the folder to which paths in a scenario are relative.

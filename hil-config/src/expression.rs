@@ -15,7 +15,7 @@
 //! signal      = group "." name { "." name }
 //!             | name of a derived signal
 //! group       = "truth" | "measured" | "reference" | "command" | "applied" | "internal"
-//!             | "input" | "sensed" | "stimulus" | "parameter"
+//!             | "input" | "sensed" | "stimulus" | "parameter" | "sensor" | "actuator"
 //! call        = ("abs" | "sqrt") "(" expression ")"
 //!             | ("min" | "max") "(" expression "," expression ")"
 //!             | reduction "(" expression ")"

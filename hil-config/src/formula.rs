@@ -219,6 +219,11 @@ impl Formula {
         parser::parse(text)
     }
 
+    /// Lists the expressions that the formula compares.
+    pub(crate) fn expressions(&self) -> impl Iterator<Item = &Expression> {
+        self.sides().map(|side| &side.expression)
+    }
+
     /// Returns an error for each name that no column has, up to a limit.
     #[must_use]
     pub fn unknown_names(&self, columns: &Columns) -> Vec<ExpressionError> {

@@ -13,6 +13,7 @@ mod plot;
 mod records;
 mod requirement;
 mod stimulus;
+mod taps;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -43,6 +44,7 @@ pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
 pub use stimulus::{Stimulus, Sweep, Waveform};
+pub use taps::{tap_fields, taps_of};
 
 /// Checked scenario.
 #[derive(Clone, Debug, PartialEq)]

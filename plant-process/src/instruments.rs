@@ -3,7 +3,7 @@
 //! Called by the engine at every step. An instrument is a chain of the same stages as [faults](crate::faults), at full
 //! size from the first step on. A run without instruments has empty lists, and does nothing here.
 
-use hil_config::plan::{Instrument, Stage};
+use hil_config::plan::{Instrument, Stage, taps_of};
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::random::RandomStream;
 use shared_types::state::State;
@@ -34,6 +34,8 @@ struct Chain {
     /// Full name of the signal.
     signal: String,
     stages: Vec<Box<dyn Fault>>,
+    /// Indices of the stages whose input is recorded, ascending.
+    taps: Vec<usize>,
 }
 
 impl Instruments {
@@ -56,6 +58,9 @@ impl Instruments {
                     _ => instrument.actuator_stages(rate),
                 };
                 let path = format!("{side}/{}", instrument.signal);
+                let taps = taps_of(&instrument.signal, &stages).into_iter();
+                let taps = taps.filter(|(name, _)| instrument.taps.contains(name));
+                let taps = taps.map(|(_, index)| index).collect();
                 let start = |(number, stage)| {
                     started(&kinds, stage, (rate, fields.len()), (seed, &path, number))
                 };
@@ -66,6 +71,7 @@ impl Instruments {
                         .collect::<Result<_, Invalid>>()
                         .map_err(|Invalid(why)| Invalid(format!("{side} of `{name}`: {why}")))?,
                     signal: name,
+                    taps,
                 })
             };
             all.iter().map(chain).collect::<Result<Vec<_>, Invalid>>()
@@ -78,38 +84,40 @@ impl Instruments {
         })
     }
 
-    /// Converts the model's readings into sensed values.
+    /// Converts the model's readings into sensed values, and notes the recorded inputs in `taps`.
     ///
     /// # Errors
     /// If a value is no longer finite.
     #[inline]
-    pub(crate) fn sense(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
+    pub(crate) fn sense(
+        &mut self,
+        step: Step,
+        row: &mut [f64],
+        taps: &mut [f64],
+    ) -> Result<(), String> {
         if self.sensors.is_empty() {
             return Ok(());
         }
-        apply(
-            &mut self.sensors,
-            &moment(step, self.rate),
-            row,
-            &mut self.row,
-        )
+        let at = moment(step, self.rate);
+        apply(&mut self.sensors, &at, row, taps, &mut self.row)
     }
 
-    /// Converts the received commands into applied commands.
+    /// Converts the received commands into applied commands, and notes the recorded inputs in `taps`.
     ///
     /// # Errors
     /// If a value is no longer finite.
     #[inline]
-    pub(crate) fn actuate(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
+    pub(crate) fn actuate(
+        &mut self,
+        step: Step,
+        row: &mut [f64],
+        taps: &mut [f64],
+    ) -> Result<(), String> {
         if self.actuators.is_empty() {
             return Ok(());
         }
-        apply(
-            &mut self.actuators,
-            &moment(step, self.rate),
-            row,
-            &mut self.row,
-        )
+        let at = moment(step, self.rate);
+        apply(&mut self.actuators, &at, row, taps, &mut self.row)
     }
 
     /// Returns the state of all stages, in the order of the chains.
@@ -155,6 +163,7 @@ fn started(
         list: &stage.list,
         rate,
         signals,
+        is_instrument: true,
     })?;
     started.hold(RandomStream::new(seed, &format!("{path}/{number}/{kind}")));
     Ok(started)
@@ -170,23 +179,34 @@ fn moment(step: Step, rate: Rate) -> Moment {
     }
 }
 
-/// Passes each signal that has a chain through that chain; `before` is a buffer for the original row.
+/// Passes each signal that has a chain through it; `before` is room for the row as it was, and `taps` for the recorded
+/// inputs.
 fn apply(
     chains: &mut [Chain],
     at: &Moment,
     row: &mut [f64],
+    taps: &mut [f64],
     before: &mut Vec<f64>,
 ) -> Result<(), String> {
     before.clear();
     before.extend_from_slice(row); // within the capacity it was made with
+    let mut taps = taps.iter_mut();
     for chain in chains {
         let mut reading = Reading {
             value: before[chain.place],
             valid: true,
         };
-        for stage in &mut chain.stages {
-            reading = stage.coupled(at, reading, before);
+        let mut rest = &mut chain.stages[..];
+        let mut passed = 0;
+        for &tap in &chain.taps {
+            let (stages, later) = rest.split_at_mut(tap - passed);
+            (rest, passed) = (later, tap);
+            reading = pass(stages, at, reading, before);
+            if let Some(tap) = taps.next() {
+                *tap = reading.value;
+            }
         }
+        reading = pass(rest, at, reading, before);
         if !reading.value.is_finite() {
             return Err(format!(
                 "{} is {} after its instrument",
@@ -196,6 +216,20 @@ fn apply(
         row[chain.place] = reading.value;
     }
     Ok(())
+}
+
+/// Passes a reading through stages.
+#[inline]
+fn pass(
+    stages: &mut [Box<dyn Fault>],
+    at: &Moment,
+    mut reading: Reading,
+    before: &[f64],
+) -> Reading {
+    for stage in stages {
+        reading = stage.coupled(at, reading, before);
+    }
+    reading
 }
 
 #[cfg(test)]

@@ -1,13 +1,13 @@
 //! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
 use hil_config::plan::{
-    Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus,
+    Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus, tap_fields,
 };
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
-use shared_types::describe::{LawDescription, PROTOCOL};
+use shared_types::describe::{LawDescription, PROTOCOL, PlantDescription};
 use shared_types::realtime;
-use shared_types::table::number;
+use shared_types::table::{Field, number};
 
 use crate::repeat::Missed;
 
@@ -75,6 +75,11 @@ pub struct Job {
 }
 
 impl Job {
+    /// Returns the columns of the recorded inputs of sensors and of actuators of this plant.
+    pub(crate) fn tap_fields(&self, plant: &PlantDescription) -> [Vec<Field>; 2] {
+        tap_fields(plant, [&self.sensors, &self.actuators], self.run.rate)
+    }
+
     /// Creates the job of a plant without reference signals, faults and checkpoints.
     #[must_use]
     pub fn new(session: u64, run: Run, plant: PlantPlan, wait_limit_s: f64) -> Self {

@@ -28,6 +28,10 @@ pub struct Rows {
     pub input: Vec<f64>,
     /// Effective values of the plant's faultable parameters.
     pub parameter: Vec<f64>,
+    /// Recorded inputs of sensors and of their stages.
+    pub sensor: Vec<f64>,
+    /// Recorded inputs of actuators and of their stages.
+    pub actuator: Vec<f64>,
     /// Invalid bits of the sample sent last.
     pub invalid: [u64; VALIDITY_WORDS],
     /// Latest accepted frame of the controller: its commands, then its internals.
@@ -71,6 +75,8 @@ impl Rows {
             sent_stimulus: vec![0.0; layout.reference.len() + layout.input.len()],
             input: vec![0.0; layout.input.len()],
             parameter: vec![0.0; layout.parameter.len()],
+            sensor: vec![0.0; layout.sensor.len()],
+            actuator: vec![0.0; layout.actuator.len()],
             invalid: [0; VALIDITY_WORDS],
             frame: vec![0.0; welcome.command.len()],
             command: vec![0.0; layout.command.len()],
@@ -207,6 +213,8 @@ impl Rows {
         words.values(&self.sensed);
         words.values(&self.sent_stimulus[..self.layout.reference.len()]);
         words.values(&self.parameter);
+        words.values(&self.sensor);
+        words.values(&self.actuator);
         words.timing(timing);
     }
 
@@ -224,6 +232,8 @@ impl Rows {
         words.values(&self.sensed);
         words.values(&self.sent_stimulus[..self.layout.reference.len()]);
         words.values(&self.parameter);
+        words.values(&self.sensor);
+        words.fill(f64::NAN.to_bits(), self.actuator.len());
         words.timing(timing);
     }
 }

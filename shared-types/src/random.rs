@@ -2,6 +2,8 @@
 //!
 //! Adding a consumer does not change the numbers of another consumer, and the numbers are the same on every machine.
 
+mod ziggurat;
+
 use rand_core::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
@@ -19,6 +21,7 @@ impl RandomStream {
         hasher.update(path.as_bytes());
         let mut key = <Pcg64 as SeedableRng>::Seed::default();
         hasher.finalize_xof().fill(&mut key);
+        ziggurat::prepare();
         Self(Pcg64::from_seed(key))
     }
 
@@ -31,6 +34,17 @@ impl RandomStream {
     pub fn normal(&mut self) -> f64 {
         let radius = (-2.0 * libm::log(1.0 - self.uniform())).sqrt();
         radius * libm::cos(std::f64::consts::TAU * self.uniform())
+    }
+
+    /// Draws a normal number with mean 0 and standard deviation 1 in a fraction of the time of
+    /// [`normal`](Self::normal), as another sequence (ziggurat of Marsaglia and Tsang 2000).
+    #[inline]
+    pub fn normal_by_layers(&mut self) -> f64 {
+        ziggurat::normal(self)
+    }
+
+    fn bits(&mut self) -> u64 {
+        self.0.next_u64()
     }
 }
 
@@ -65,6 +79,9 @@ mod tests {
         let mut copy = stream.clone();
         let (mean, variance) = moments(Box::new(move || copy.uniform()));
         assert!((mean - 0.5).abs() < 4e-3 && (variance - 1.0 / 12.0).abs() < 1e-3);
+        let mut copy = stream.clone();
+        let (mean, variance) = moments(Box::new(move || copy.normal_by_layers()));
+        assert!(mean.abs() < 1e-2 && (variance - 1.0).abs() < 2e-2);
         let (mean, variance) = moments(Box::new(move || stream.normal()));
         assert!(mean.abs() < 1e-2 && (variance - 1.0).abs() < 2e-2);
     }

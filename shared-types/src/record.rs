@@ -11,12 +11,14 @@
 //! | one for each 64 command signals, at least 1 | invalid bits of commands, as received by the plant, and of internals |
 //! | truth, measured, reference, command, applied, internal, input | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
+//! | sensor, actuator | `f64` each, outside the digest; on request |
 //! | 14 | [`Timing`], outside the digest |
 //!
 //! `measured` and `reference` are the values that the controller received, including faults of signals and link;
 //! `sensed` and `stimulus` are the same signals before any fault. `command` is as sent by the controller, and `applied`
 //! as used by the plant. `input` holds the inputs of the plant that the scenario drives, as used by the plant; most runs
-//! have none. `parameter` holds the effective values of the plant's faultable parameters.
+//! have none. `parameter` holds the effective values of the plant's faultable parameters. `sensor` and `actuator` hold the
+//! inputs of instruments and of their stages, as far as they are requested.
 
 mod event;
 
@@ -41,7 +43,7 @@ pub const RECORD_VERSION: u32 = 4;
 
 /// Signal groups of a record, in order; also the prefixes in expressions. The digest covers the first
 /// [`HASHED_GROUPS`].
-pub const GROUPS: [&str; 10] = [
+pub const GROUPS: [&str; 12] = [
     "truth",
     "measured",
     "reference",
@@ -52,11 +54,20 @@ pub const GROUPS: [&str; 10] = [
     "sensed",
     "stimulus",
     "parameter",
+    "sensor",
+    "actuator",
 ];
 
 /// Number of signal groups that the digest covers; the other groups follow from them and the scenario, and show the
-/// values without faults.
+/// values without faults, and inside instruments.
 pub const HASHED_GROUPS: usize = 7;
+
+/// Returns `true` if a signal of this full name, such as `sensor.angle_rad`, is in a record on request only.
+#[must_use]
+pub fn is_on_request(name: &str) -> bool {
+    let group = name.split_once('.').map_or(name, |(group, _)| group);
+    matches!(group, "sensor" | "actuator")
+}
 
 /// Layout of a record: its signals.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -81,6 +92,12 @@ pub struct RecordLayout {
     pub command_places: Vec<usize>,
     /// The plant's faultable parameters.
     pub parameter: Vec<Field>,
+    /// Requested inputs of sensors and of their stages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub sensor: Vec<Field>,
+    /// Requested inputs of actuators and of their stages.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub actuator: Vec<Field>,
 }
 
 /// Measured time and bookkeeping of one step; not part of the digest.
@@ -170,6 +187,8 @@ impl RecordLayout {
                 .filter(|field| field.faultable)
                 .cloned()
                 .collect(),
+            sensor: Vec::new(),
+            actuator: Vec::new(),
         }
     }
 
@@ -191,6 +210,8 @@ impl RecordLayout {
             ("internal", &other.internal, &self.internal),
             ("input", &other.input, &self.input),
             ("parameter", &other.parameter, &self.parameter),
+            ("sensor", &other.sensor, &self.sensor),
+            ("actuator", &other.actuator, &self.actuator),
         ];
         let mut differences =
             (both.into_iter()).filter_map(|(what, other, ours)| difference(what, other, ours));
@@ -224,6 +245,8 @@ impl RecordLayout {
             &self.measured,
             &self.reference,
             &self.parameter,
+            &self.sensor,
+            &self.actuator,
         ]
     }
 
@@ -391,6 +414,8 @@ mod tests {
             command_signals: 4,
             command_places: vec![2, 0],
             parameter: fields(4),
+            sensor: fields(2),
+            actuator: fields(1),
         }
     }
 
@@ -414,9 +439,9 @@ mod tests {
     fn the_length_of_a_record_is_the_sum_of_its_parts() {
         let layout = layout();
         assert_eq!(layout.values_start(), 1 + 2 + 1);
-        assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 2 + 60 + 5 + 4);
+        assert_eq!(layout.values(), 3 + 60 + 5 + 2 + 2 + 1 + 2 + 60 + 5 + 4 + 3);
         assert_eq!(layout.hashed_words(), 4 + 75);
-        assert_eq!(layout.words(), 4 + 144 + 14);
+        assert_eq!(layout.words(), 4 + 147 + 14);
     }
 
     #[test]

@@ -1,6 +1,10 @@
 //! Sensors and actuators from a scenario to its recording: what they do, and that a run with them repeats to
 //! the bit wherever it runs.
 
+mod inputs;
+mod judges;
+mod survival;
+
 use std::path::PathBuf;
 
 use crate::support::board::Board;
@@ -172,6 +176,7 @@ fn the_figures_of_instruments_are_shown() {
     shown.prints(&[
         "measured.position_m",
         "500 a second",
+        "stages        scale, cross, bias, bias_sigma,",
         "command.force_n",
         "deg at 10 Hz",
     ]);

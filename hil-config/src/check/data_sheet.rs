@@ -106,7 +106,10 @@ impl<'a> Scales<'a> {
             return reader.quantity(path, node, quantity);
         };
         let value = self.value(text, quantity.unit, is_level);
-        let expected = format!("{}, or text with a unit of it", quantity.expected());
+        let mut expected = format!("{}, or text with a unit of it", quantity.expected());
+        if !is_level && quantity.unit == self.own("target") {
+            expected += ", `LSB` or `% of range`";
+        }
         match value {
             Ok(value) if quantity.admits(value) => Some(value),
             Ok(value) => {
@@ -194,12 +197,30 @@ fn converted(value: f64, symbol: &str, unit: &str, is_level: bool) -> Result<f64
         Ok(_) => Unfit::new(format!("`{symbol}` does not convert to {unit}")),
         Err(error) => Unfit::new(error.to_string()),
     };
+    unfit.help = spelling(symbol).map(Into::into);
     if unit.ends_with("/sqrt(Hz)") && symbol.contains("/sqrt(") {
         unfit.help = Some(format!(
             "a density of this signal is in {unit}; N of IEEE 952, such as deg/sqrt(h), applies to a rate, such as rad/s"
         ));
     }
     Err(unfit)
+}
+
+/// Returns how a frequent other spelling is written here.
+fn spelling(symbol: &str) -> Option<&'static str> {
+    let lower = symbol.to_ascii_lowercase();
+    let steps = [
+        "bit", "bits", "lsb", "lsbs", "count", "counts", "digit", "digits",
+    ];
+    if steps.contains(&lower.as_str()) {
+        Some("steps of the converter are written `LSB`")
+    } else if lower.starts_with('%') {
+        Some("a part of the range is written `% of range`")
+    } else if lower.contains("per ") {
+        Some("a quotient is written with `/`, as A/ms")
+    } else {
+        None
+    }
 }
 
 /// Splits a unit that begins with parts of standard gravity: the number of parts in one, and the unit with m/s2

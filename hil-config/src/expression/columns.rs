@@ -31,13 +31,17 @@ pub enum Group {
     Stimulus,
     /// Effective values of the plant's faultable parameters, `parameter.x`.
     Parameter,
+    /// Inputs of sensors and of their stages, `sensor.x`.
+    Sensor,
+    /// Inputs of actuators and of their stages, `actuator.x`.
+    Actuator,
     /// Value derived from other signals, `x`.
     Derived,
 }
 
 impl Group {
     /// Every group, in record order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 13] = [
         Self::Truth,
         Self::Measured,
         Self::Reference,
@@ -48,6 +52,8 @@ impl Group {
         Self::Sensed,
         Self::Stimulus,
         Self::Parameter,
+        Self::Sensor,
+        Self::Actuator,
         Self::Derived,
     ];
 
@@ -65,6 +71,8 @@ impl Group {
             Self::Sensed => "sensed",
             Self::Stimulus => "stimulus",
             Self::Parameter => "parameter",
+            Self::Sensor => "sensor",
+            Self::Actuator => "actuator",
             Self::Derived => "",
         }
     }

@@ -18,11 +18,16 @@ pub struct Instrument {
     /// Share of other measured signals, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub cross: BTreeMap<String, f64>,
+    /// Recorded [inputs](super::taps), by name.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub taps: Vec<String>,
 }
 
 /// Stage of an instrument: a kind of fault on numbers, at full size since step 0.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stage {
+    /// Key of the instrument that asks for it.
+    pub key: &'static str,
     /// Name of the kind.
     pub kind: String,
     /// Parameters of the kind.
@@ -32,12 +37,13 @@ pub struct Stage {
 }
 
 impl Stage {
-    fn new<const N: usize>(kind: &str, parameters: [(&str, f64); N]) -> Self {
+    fn new<const N: usize>(key: &'static str, kind: &str, parameters: [(&str, f64); N]) -> Self {
         let mut settings = Settings::default();
         for (name, value) in parameters {
             settings.set(name, value);
         }
         Self {
+            key,
             kind: kind.into(),
             parameters: settings,
             list: Vec::new(),
@@ -93,26 +99,28 @@ impl Instrument {
     pub fn sensor_stages(&self, rate: Rate, fields: &[Field]) -> Vec<Stage> {
         let mut stages = Vec::new();
         let get = |key| self.get(key);
-        stages.extend(get("scale").map(|factor| Stage::new("scale", [("factor", factor)])));
+        stages
+            .extend(get("scale").map(|factor| Stage::new("scale", "scale", [("factor", factor)])));
         stages.extend(self.coupling(fields));
-        stages.extend(get("bias").map(|bias| Stage::new("bias", [("bias", bias)])));
+        stages.extend(get("bias").map(|bias| Stage::new("bias", "bias", [("bias", bias)])));
         stages.extend(get("bias_sigma").map(|sigma| {
             let time_constant_s = get("bias_tau_s").unwrap_or(f64::INFINITY);
             let both = [
                 ("standard_deviation", sigma),
                 ("time_constant_s", time_constant_s),
             ];
-            Stage::new("gauss-markov", both)
+            Stage::new("bias_sigma", "gauss-markov", both)
         }));
         stages.extend(
-            get("bias_walk").map(|walk| Stage::new("random-walk", [("walk_per_sqrt_s", walk)])),
+            get("bias_walk")
+                .map(|walk| Stage::new("bias_walk", "random-walk", [("walk_per_sqrt_s", walk)])),
         );
-        let noise = |sigma| Stage::new("noise", [("standard_deviation", sigma)]);
-        stages.extend(self.density_sigma(rate).map(noise));
+        let noise = |key| move |sigma| Stage::new(key, "noise", [("standard_deviation", sigma)]);
+        stages.extend(self.density_sigma(rate).map(noise("noise_density")));
         stages.extend(self.lag());
-        stages.extend(get("noise_sigma").map(noise));
+        stages.extend(get("noise_sigma").map(noise("noise_sigma")));
         stages.extend(self.sampling(rate));
-        stages.extend(delay(rate, get("delay_s")));
+        stages.extend(self.delay(rate, "delay_s"));
         self.quantise(&mut stages);
         stages.extend(self.saturation());
         stages
@@ -122,8 +130,9 @@ impl Instrument {
     #[must_use]
     pub fn actuator_stages(&self, rate: Rate) -> Vec<Stage> {
         let mut stages = Vec::new();
-        stages.extend(delay(rate, self.get("dead_time_s")));
-        let one = |key: &str, kind: &str| Some(Stage::new(kind, [(key, self.get(key)?)]));
+        stages.extend(self.delay(rate, "dead_time_s"));
+        let one =
+            |key: &'static str, kind: &str| Some(Stage::new(key, kind, [(key, self.get(key)?)]));
         stages.extend(one("rate_limit_per_s", "rate-limit"));
         stages.extend(self.lag());
         stages.extend(one("dead_band", "dead-band"));
@@ -143,15 +152,18 @@ impl Instrument {
         let list: Vec<f64> = rows.flatten().collect();
         (!list.is_empty()).then(|| Stage {
             list,
-            ..Stage::new("cross-coupling", [])
+            ..Stage::new("cross", "cross-coupling", [])
         })
     }
 
     fn lag(&self) -> Option<Stage> {
-        let lag_hz = ("lag_hz", self.get("lag_hz")?);
+        let key = "lag_hz";
+        let lag_hz = (key, self.get(key)?);
         Some(match self.get("lag_damping") {
-            None => Stage::new("lag", [lag_hz]),
-            Some(damping) => Stage::new("second-order-lag", [lag_hz, ("lag_damping", damping)]),
+            None => Stage::new(key, "lag", [lag_hz]),
+            Some(damping) => {
+                Stage::new(key, "second-order-lag", [lag_hz, ("lag_damping", damping)])
+            }
         })
     }
 
@@ -159,7 +171,13 @@ impl Instrument {
         let every_steps = self.divisor(rate);
         let phase_steps = self.get("phase_steps").unwrap_or(0.0);
         let both = [("every_steps", every_steps), ("phase_steps", phase_steps)];
-        (every_steps > 1.0).then(|| Stage::new("sample-hold", both))
+        (every_steps > 1.0).then(|| Stage::new("rate_hz", "sample-hold", both))
+    }
+
+    /// A delay of whole steps.
+    fn delay(&self, rate: Rate, key: &'static str) -> Option<Stage> {
+        let steps = (self.get(key)? * rate.hz()).round();
+        (steps > 0.0).then(|| Stage::new(key, "delay", [("steps", steps)]))
     }
 
     /// Rounds to the values of a converter, which begin at the lower end of its range.
@@ -167,11 +185,15 @@ impl Instrument {
         let Some(step) = self.resolution() else {
             return;
         };
+        let key = match self.get("bits") {
+            Some(_) => "bits",
+            None => "resolution",
+        };
         let begin = self.range().map_or(0.0, |(min, _)| min);
         let is_multiple = (begin / step).fract() == 0.0;
-        let shift = |by: f64| (!is_multiple).then(|| Stage::new("bias", [("bias", by)]));
+        let shift = |by: f64| (!is_multiple).then(|| Stage::new(key, "bias", [("bias", by)]));
         stages.extend(shift(-begin));
-        stages.push(Stage::new("quantisation", [("step", step)]));
+        stages.push(Stage::new(key, "quantisation", [("step", step)]));
         stages.extend(shift(begin));
     }
 
@@ -181,12 +203,10 @@ impl Instrument {
             Some(_) => max - self.resolution().unwrap_or(0.0),
             None => max,
         };
-        Some(Stage::new("saturation", [("min", min), ("max", last)]))
+        Some(Stage::new(
+            "range",
+            "saturation",
+            [("min", min), ("max", last)],
+        ))
     }
-}
-
-/// A delay of whole steps.
-fn delay(rate: Rate, delay_s: Option<f64>) -> Option<Stage> {
-    let steps = (delay_s? * rate.hz()).round();
-    (steps > 0.0).then(|| Stage::new("delay", [("steps", steps)]))
 }

@@ -79,7 +79,12 @@ impl Plan {
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))
             .and(SignalKind::Internal, &law.internals);
-        RecordLayout::of(plant, self.reference(), &command).with_inputs(driven(&self.stimuli))
+        let [sensor, actuator] = self.tap_fields(plant);
+        RecordLayout {
+            sensor,
+            actuator,
+            ..RecordLayout::of(plant, self.reference(), &command).with_inputs(driven(&self.stimuli))
+        }
     }
 }
 

@@ -136,6 +136,9 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("noise_density = \"1 kg\"", Mismatch, "sensors[0].noise_density", &["`kg` does not convert to rad/sqrt(Hz)", "a number from 0 to 1e30 in rad/sqrt(Hz)"]),
     ("noise_sigma = \"2 LSB\"", Mismatch, "sensors[0].noise_sigma", &["`LSB` needs `bits` and `range`, or `resolution`"]),
     ("bias = \"1 % of range\"", Mismatch, "sensors[0].bias", &["needs `range`"]),
+    ("noise_sigma = \"2 bits\"", Mismatch, "sensors[0].noise_sigma", &["written `LSB`", "in rad, or text with a unit of it, `LSB` or `% of range`"]),
+    ("bias = \"0.1 %FS\"", Mismatch, "sensors[0].bias", &["written `% of range`"]),
+    ("bias = \"1 deg per h\"", Mismatch, "sensors[0].bias", &["written with `/`"]),
     ("noise_sigma = \"-1 mrad\"", OutOfRange, "sensors[0].noise_sigma", &["out of range"]),
     ("noise_sigma = \"many\"", Mismatch, "sensors[0].noise_sigma", &["does not begin with a number"]),
     ("noise_sigma = true", WrongType, "sensors[0].noise_sigma", &["a number"]),
@@ -184,4 +187,69 @@ fn noise_on_an_enumeration_is_refused() {
     let text = problems.to_string();
     assert!(text.contains("which cannot have noise"), "{text}");
     assert!(text.contains("`delay_s`"), "{text}");
+}
+
+#[test]
+fn the_inputs_of_stages_that_a_scenario_names_become_columns() {
+    let chain = sensor("noise_sigma = 1e-3\nrate_hz = 500\nbits = 12\nrange = [-1, 1]");
+    let named = |more: &str| {
+        let plan = plan(&format!("{chain}\n{more}"));
+        let (plants, laws) = (descriptions::plants(), descriptions::laws());
+        let plant = plan.plant_among(&plants).expect("described");
+        let law = plan.law_among(&laws).expect("described");
+        let layout = plan.record_layout(plant, &law);
+        let names = layout.sensor.iter().map(|field| {
+            assert_eq!(field.unit, "rad");
+            field.name.clone()
+        });
+        assert!(layout.actuator.is_empty());
+        names.collect::<Vec<_>>()
+    };
+    assert!(named("").is_empty());
+    let derived = |text: &str| {
+        named(&format!(
+            "[[derived]]\nname = \"e\"\nexpression = \"{text}\""
+        ))
+    };
+    assert_eq!(derived("2 * sensor.surface_angle_rad"), [ANGLE]);
+    // In the order of the chain.
+    assert_eq!(
+        derived("sensor.range.surface_angle_rad - sensor.rate_hz.surface_angle_rad"),
+        ["rate_hz.surface_angle_rad", "range.surface_angle_rad"]
+    );
+    assert!(derived("sensed.surface_angle_rad").is_empty());
+    let plotted = "[[plots]]\ntitle = \"x\"\nsignals = [\"sensor.bits.surface_angle_rad\"]";
+    assert_eq!(named(plotted), ["bits.surface_angle_rad"]);
+    let found = problems(&format!(
+        "{chain}\n[[derived]]\nname = \"e\"\nexpression = \"sensor.lag_hz.surface_angle_rad\""
+    ));
+    assert_eq!(found[0].kind, ProblemKind::Expression);
+    assert!(
+        found[0]
+            .to_string()
+            .contains("sensor.range.surface_angle_rad"),
+        "{}",
+        found[0]
+    );
+}
+
+#[test]
+fn inputs_of_stages_are_recorded_for_a_pattern_in_addition() {
+    let text = sensor(
+        "noise_sigma = 1e-3\nrate_hz = 500\n[[actuators]]\nsignal = \"actuator1_valve_current_a\"\nbacklash = 1e-3\nrange = [-1, 1]",
+    );
+    let mut plan = plan(&text);
+    let plants = descriptions::plants();
+    let plant = plan.plant_among(&plants).expect("described").clone();
+    plan.tap(&plant, |name| name.starts_with("actuator.range"));
+    plan.tap(&plant, |name| !name.starts_with("sensor.rate_hz"));
+    plan.tap(&plant, |_| false);
+    let names = plan.tap_fields(&plant).map(|fields| {
+        fields
+            .into_iter()
+            .map(|field| field.name)
+            .collect::<Vec<_>>()
+    });
+    assert_eq!(names[0], [ANGLE]);
+    assert_eq!(names[1], [CURRENT.to_owned(), format!("range.{CURRENT}")]);
 }

@@ -149,7 +149,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             command,
             &mut rows.applied,
         );
-        if let Err(bad) = plant.instruments.actuate(step, &mut rows.applied) {
+        if let Err(bad) = plant
+            .instruments
+            .actuate(step, &mut rows.applied, &mut rows.actuator)
+        {
             return self.diverged(step, &bad);
         }
 

@@ -56,8 +56,13 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             reference,
             ..
         } = &self.plant;
-        let layout = RecordLayout::of(description, reference.clone(), &welcome.command)
-            .with_inputs(driven(&self.job.stimuli));
+        let [sensor, actuator] = self.job.tap_fields(description);
+        let layout = RecordLayout {
+            sensor,
+            actuator,
+            ..RecordLayout::of(description, reference.clone(), &welcome.command)
+                .with_inputs(driven(&self.job.stimuli))
+        };
         self.link.open_frames(&FrameSpec {
             identity: welcome.frame_identity(),
             outgoing: welcome.sample.len(),

@@ -238,7 +238,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             self.diverged(step, &format!("measured {bad}"))?;
             return Ok(false);
         }
-        if let Err(bad) = plant.instruments.sense(step, &mut rows.sensed) {
+        if let Err(bad) = plant
+            .instruments
+            .sense(step, &mut rows.sensed, &mut rows.sensor)
+        {
             self.diverged(step, &bad)?;
             return Ok(false);
         }

@@ -223,6 +223,7 @@ impl FaultBuilder {
                 Place::Signal(Direction::Input, _) => self.inputs(),
                 _ => 0,
             },
+            is_instrument: false,
         })?;
         let action = match place {
             Place::Parameter(index) => Action::Parameter(index, fault),

@@ -92,6 +92,8 @@ pub struct Setup<'a, P> {
     pub rate: Rate,
     /// Number of signals in the row that [`FaultKind::coupled`] receives; 0 for kinds without that method.
     pub signals: usize,
+    /// `true` for a stage of an instrument, `false` for a fault.
+    pub is_instrument: bool,
 }
 
 /// Step at which a fault acts.
@@ -256,6 +258,7 @@ impl FaultKindEntry {
                     list: setup.list,
                     rate: setup.rate,
                     signals: setup.signals,
+                    is_instrument: setup.is_instrument,
                 })?;
                 Ok(Box::new(fault))
             },

@@ -72,7 +72,9 @@ fn sensed(seed: u64, values: &[(&str, f64)], course: impl Fn(u64) -> f64, steps:
     let one = |step| {
         row.fill(0.0);
         row[0] = course(step);
-        instruments.sense(Step(step), &mut row).expect("finite");
+        instruments
+            .sense(Step(step), &mut row, &mut [])
+            .expect("finite");
         row[0]
     };
     (0..steps).map(one).collect()
@@ -130,7 +132,9 @@ fn a_delay_and_a_dead_time_are_exact() {
     let mut row = vec![0.0; plant().commands.len()];
     for step in 0..50 {
         row[0] = course(step);
-        instruments.actuate(Step(step), &mut row).expect("finite");
+        instruments
+            .actuate(Step(step), &mut row, &mut [])
+            .expect("finite");
         assert_eq!(row[0], course(step.saturating_sub(3)));
     }
 }
@@ -190,7 +194,9 @@ fn each_sensor_has_its_own_correlation_time_and_its_own_numbers() {
     let mut courses = [Vec::new(), Vec::new()];
     for step in 0..400_000 {
         let mut row = vec![0.0; measured.len()];
-        instruments.sense(Step(step), &mut row).expect("finite");
+        instruments
+            .sense(Step(step), &mut row, &mut [])
+            .expect("finite");
         courses[0].push(row[0]);
         courses[1].push(row[1]);
     }
@@ -218,7 +224,9 @@ fn another_sensor_changes_no_number_of_the_first() {
         let mut instruments = started(9, sensors);
         let one = |step| {
             let mut row = vec![0.0; measured.len()];
-            instruments.sense(Step(step), &mut row).expect("finite");
+            instruments
+                .sense(Step(step), &mut row, &mut [])
+                .expect("finite");
             row[0].to_bits()
         };
         (0..20).map(one).collect::<Vec<_>>()
@@ -239,8 +247,31 @@ fn coupled_sensors_see_each_others_readings_of_the_model() {
     let mut instruments = started(1, vec![sensor(0, 1), sensor(1, 0)]);
     let mut row = vec![0.0; measured.len()];
     (row[0], row[1]) = (1.0, 4.0);
-    instruments.sense(Step(0), &mut row).expect("finite");
+    instruments
+        .sense(Step(0), &mut row, &mut [])
+        .expect("finite");
     assert_eq!(row[..2], [2.0 + 2.0, 8.0 + 0.5]);
+}
+
+#[test]
+fn recorded_inputs_are_those_of_the_named_stages() {
+    let (measured, _) = names();
+    let mut sensor = instrument(
+        &measured[0],
+        &[("scale", 2.0), ("bias", 1.0), ("resolution", 0.5)],
+    );
+    sensor.taps = vec![format!("resolution.{}", measured[0]), measured[0].clone()];
+    let mut other = instrument(&measured[1], &[("scale", 3.0)]);
+    other.taps = vec![measured[1].clone()];
+    let mut instruments = started(1, vec![sensor, other]);
+    let mut row = vec![0.0; measured.len()];
+    (row[0], row[1]) = (0.7, 5.0);
+    let mut taps = [0.0; 3];
+    instruments
+        .sense(Step(0), &mut row, &mut taps)
+        .expect("finite");
+    assert_eq!(taps, [0.7, 2.0 * 0.7 + 1.0, 5.0]);
+    assert_eq!(row[..2], [2.5, 15.0]);
 }
 
 #[test]
@@ -282,9 +313,11 @@ fn a_restored_chain_continues_bit_for_bit() {
     let step_of = |instruments: &mut Instruments, step: u64| {
         let (mut row, mut applied) = (vec![0.0; measured.len()], vec![0.0; plant().commands.len()]);
         (row[0], applied[0]) = (libm::sin(step as f64 * 0.1), libm::cos(step as f64 * 0.03));
-        instruments.sense(Step(step), &mut row).expect("finite");
         instruments
-            .actuate(Step(step), &mut applied)
+            .sense(Step(step), &mut row, &mut [])
+            .expect("finite");
+        instruments
+            .actuate(Step(step), &mut applied, &mut [])
             .expect("finite");
         (row[0].to_bits(), applied[0].to_bits())
     };
@@ -310,6 +343,8 @@ fn a_value_that_overflows_is_named() {
     let (measured, _) = names();
     let mut instruments = started(1, vec![instrument(&measured[0], &[("scale", 1e30)])]);
     let mut row = vec![1e300; measured.len()];
-    let failure = instruments.sense(Step(0), &mut row).expect_err("infinite");
+    let failure = instruments
+        .sense(Step(0), &mut row, &mut [])
+        .expect_err("infinite");
     assert!(failure.contains(&measured[0]), "{failure}");
 }

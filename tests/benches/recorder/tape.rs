@@ -45,6 +45,8 @@ impl Tape {
             internal: fields("internal"),
             input: Vec::new(),
             parameter: fields("parameter"),
+            sensor: fields("sensor"),
+            actuator: fields("actuator"),
             command_signals: 0,
             command_places: Vec::new(),
         };

@@ -80,6 +80,8 @@ fn layout() -> RecordLayout {
         command_signals: plant.commands.len() + law.internals.len(),
         command_places: (0..plant.commands.len()).collect(),
         parameter: faultable.cloned().collect(),
+        sensor: Vec::new(),
+        actuator: Vec::new(),
     }
 }
 

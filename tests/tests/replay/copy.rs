@@ -43,6 +43,8 @@ impl Copy {
             internal,
             input: Vec::new(),
             parameter: fields("parameter"),
+            sensor: fields("sensor"),
+            actuator: fields("actuator"),
         };
         let columns = reader
             .columns()

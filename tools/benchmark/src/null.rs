@@ -196,6 +196,8 @@ mod tests {
             command_signals: 4,
             command_places: vec![0, 1, 2],
             parameter: Vec::new(),
+            sensor: Vec::new(),
+            actuator: Vec::new(),
         };
         let mut words = vec![0; layout.words()];
         words[called_place(&layout)] = 1.5_f64.to_bits();

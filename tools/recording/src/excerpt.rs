@@ -12,7 +12,7 @@ use shared_types::record::{GROUPS, RecordLayout, RecordView, Timing};
 use shared_types::table::{Field, near};
 use shared_types::time::{Rate, Step};
 
-use crate::schema::column_name;
+use crate::schema::{column_name, column_of};
 
 /// Selection of the signals and steps to record.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,10 +26,20 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Returns `true` if everything is recorded.
+    /// Returns `true` if every signal of every step is recorded: without a choice, and with the pattern `*` also what
+    /// a record has on request only.
     #[must_use]
     pub fn is_all(&self) -> bool {
-        *self == Self::default()
+        let has_all = self.signals.is_empty() || self.signals.iter().any(|pattern| pattern == "*");
+        has_all && self.every.is_none() && self.around_s.is_none()
+    }
+
+    /// Returns `true` if a pattern names this signal, which a record has on request only.
+    #[must_use]
+    pub fn asks_for(&self, name: &str) -> bool {
+        let recorded = column_of(name);
+        let mut patterns = (self.signals.iter()).filter_map(|text| Pattern::new(text).ok());
+        patterns.any(|pattern| pattern.matches(name) || pattern.matches(&recorded))
     }
 
     /// Describes the excerpt, as stored in the recording.
@@ -325,6 +335,8 @@ mod tests {
             command_signals: 3,
             command_places: vec![1, 0],
             parameter: Vec::new(),
+            sensor: Vec::new(),
+            actuator: Vec::new(),
         }
     }
 
@@ -400,7 +412,10 @@ mod tests {
         excerpt.take(&words, &layout.view(&words));
         let (sample_words, command_words, groups) = excerpt.form();
         assert_eq!((sample_words, command_words), (1, 1));
-        assert_eq!(groups.map(<[Field]>::len), [0, 10, 1, 1, 0, 1, 0, 0, 0, 0]);
+        assert_eq!(
+            groups.map(<[Field]>::len),
+            [0, 10, 1, 1, 0, 1, 0, 0, 0, 0, 0, 0]
+        );
         let (_, row) = excerpt.next(false).expect("a row");
         // Measured 60 to 69 and reference 1; command 1 and internal 0.
         assert_eq!(row[..3], [7, 0b101 | 1 << 10, 0b11]);

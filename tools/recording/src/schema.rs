@@ -35,6 +35,13 @@ pub fn column_name(group: &str, signal: &str) -> String {
     format!("{group}.{}", schema_name(signal))
 }
 
+/// Returns the name of the column of a signal's full name, such as `sensor.lag_hz.angle_rad`.
+#[must_use]
+pub fn column_of(name: &str) -> String {
+    name.split_once('.')
+        .map_or_else(|| name.into(), |(group, signal)| column_name(group, signal))
+}
+
 /// Builds the schema of a record: a message of words with a nested message for each group of signals. An empty group
 /// has no message, because an empty message takes a byte in CDR.
 #[must_use]

@@ -52,6 +52,7 @@ pub(super) fn prepare(
         interruption,
     } = environment;
     let checkpoints = check(&plan, &binaries, &settings, &origin)?;
+    let plan = tapped(plan, &binaries, &settings, &origin);
     let layout = binaries.record_layout(&plan)?;
     tell_size(&plan, &layout, &settings)?;
 
@@ -236,6 +237,18 @@ fn check(
         ));
     }
     Ok(steps)
+}
+
+/// Adds the inputs of instruments that `--record` selects. A continuation records what its past did.
+fn tapped(mut plan: Plan, binaries: &Binaries, settings: &Settings, origin: &Origin) -> Plan {
+    let (plants, ..) = binaries.described();
+    if let Some(recording) = &settings.recording
+        && !matches!(origin, Origin::Checkpoint(..))
+        && let Some(plant) = plan.plant_among(plants)
+    {
+        plan.tap(plant, |name| recording.choice.asks_for(name));
+    }
+    plan
 }
 
 /// Prints the maximum size of the recording, if a user watches or the disk may lack space.

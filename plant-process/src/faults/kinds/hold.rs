@@ -86,6 +86,8 @@ pub struct Delay {
     steps: u64,
     /// Last readings, by steps since the beginning of the fault.
     past: Vec<Reading>,
+    /// Next step since the beginning, and its index among the last readings.
+    next: (u64, usize),
 }
 
 impl FaultKind for Delay {
@@ -120,17 +122,24 @@ impl FaultKind for Delay {
         Ok(Self {
             steps: u64::from(steps),
             past: vec![empty; steps as usize + 1],
+            next: (0, 0),
         })
     }
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
-        let places = self.past.len() as u64;
-        self.past[(at.since_steps % places) as usize] = x;
+        let (since_steps, places) = (at.since_steps, self.past.len());
+        let place = match self.next {
+            (next_step, place) if next_step == since_steps => place,
+            // A restored state; a division costs more than everything else here.
+            _ => (since_steps % places as u64) as usize,
+        };
+        self.past[place] = x;
+        let oldest = if place + 1 == places { 0 } else { place + 1 };
+        self.next = (since_steps + 1, oldest);
         if at.gain == 0.0 {
             return x;
         }
-        let then = at.since_steps.saturating_sub(self.steps);
-        self.past[(then % places) as usize]
+        self.past[if since_steps < self.steps { 0 } else { oldest }]
     }
 }
 
@@ -149,6 +158,8 @@ pub struct SampleHold {
     every_steps: u64,
     phase_steps: u64,
     held: Option<Reading>,
+    /// Step of the next sample; 0 if it is not known.
+    next: u64,
 }
 
 impl FaultKind for SampleHold {
@@ -163,7 +174,7 @@ impl FaultKind for SampleHold {
     fn state() -> Option<StateOf<Self>> {
         Some(StateOf::new(
             |fault: &Self| fault.held,
-            |fault, held| fault.held = held,
+            |fault, held| (fault.held, fault.next) = (held, 0),
         ))
     }
 
@@ -180,11 +191,22 @@ impl FaultKind for SampleHold {
             every_steps,
             phase_steps,
             held: None,
+            next: 0,
         })
     }
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
-        let is_sampled = at.step % self.every_steps == self.phase_steps;
+        if at.step > self.next || self.next == 0 {
+            let since_phase = (at.step + self.every_steps - self.phase_steps) % self.every_steps;
+            self.next = match since_phase {
+                0 => at.step,
+                since => at.step + self.every_steps - since,
+            };
+        }
+        let is_sampled = at.step == self.next;
+        if is_sampled {
+            self.next += self.every_steps;
+        }
         let held = *self.held.get_or_insert(x);
         if is_sampled {
             self.held = Some(x);

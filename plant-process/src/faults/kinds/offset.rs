@@ -117,6 +117,8 @@ shared_types::table! {
 /// White noise.
 pub struct Noise {
     parameters: NoiseParameters,
+    /// Source of normal numbers: faults keep the sequence that they have had from the beginning.
+    draw: fn(&mut RandomStream) -> f64,
     random: Option<RandomStream>,
 }
 
@@ -139,6 +141,10 @@ impl FaultKind for Noise {
     fn start(setup: &Setup<'_, NoiseParameters>) -> Result<Self, Invalid> {
         Ok(Self {
             parameters: setup.parameters,
+            draw: match setup.is_instrument {
+                true => RandomStream::normal_by_layers,
+                false => RandomStream::normal,
+            },
             random: None,
         })
     }
@@ -148,7 +154,7 @@ impl FaultKind for Noise {
     }
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
-        let n = self.random.as_mut().map_or(0.0, RandomStream::normal);
+        let n = self.random.as_mut().map_or(0.0, self.draw);
         with(
             x,
             x.value + self.parameters.standard_deviation * n * at.gain,

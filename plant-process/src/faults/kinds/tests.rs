@@ -47,6 +47,7 @@ fn try_start(kind: &str, values: Parameters<'_>, list: &[f64]) -> Result<Box<dyn
         list,
         rate: rate(RATE_HZ),
         signals: 4,
+        is_instrument: false,
     })
 }
 

@@ -66,8 +66,10 @@ impl FaultKind for GaussMarkov {
         let b = match self.value {
             // Drawn once and for all.
             Some(b) if self.fresh == 0.0 => b * self.kept,
-            Some(b) => self.kept * b + self.fresh * random.map_or(0.0, RandomStream::normal),
-            None => self.standard_deviation * random.map_or(0.0, RandomStream::normal),
+            Some(b) => {
+                self.kept * b + self.fresh * random.map_or(0.0, RandomStream::normal_by_layers)
+            }
+            None => self.standard_deviation * random.map_or(0.0, RandomStream::normal_by_layers),
         };
         self.value = Some(b);
         Reading {
@@ -121,7 +123,11 @@ impl FaultKind for RandomWalk {
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
         let b = self.value.map_or(0.0, |b| {
-            b + self.step * self.random.as_mut().map_or(0.0, RandomStream::normal)
+            b + self.step
+                * self
+                    .random
+                    .as_mut()
+                    .map_or(0.0, RandomStream::normal_by_layers)
         });
         self.value = Some(b);
         Reading {

@@ -49,7 +49,7 @@ fn taken(plan: &Plan, mut numbers: OddNumbers) {
     let (Some(plant), Some(law)) = (plant, law) else {
         panic!("a plan of an unknown plant or law");
     };
-    let columns = Columns::of(&plant, &plan.stimuli, &law.internals);
+    let columns = Columns::from(&plan.record_layout(&plant, &law));
     let mut evaluation = Evaluation::new(plan, &columns).expect("what was checked can be computed");
     for step in 0..ROWS {
         evaluation.observe(Step(step), &numbers.row(columns.len()), []);

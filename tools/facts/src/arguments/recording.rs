@@ -26,7 +26,8 @@ pub(super) fn compression() -> impl TypedValueParser<Value = Compression> {
 /// Selection of the recorded part of a run. Digest, metrics and requirements always cover the whole run.
 #[derive(Clone, Debug, Default, Args)]
 pub struct ChoiceArguments {
-    /// Record only matching signals, for example 'truth.*'; may be given several times
+    /// Record only matching signals, for example 'truth.*'; may be given several times. '*' records all, and in
+    /// addition what each stage of a sensor or actuator takes in (sensor.*, actuator.*)
     #[arg(long, value_name = "PATTERN", help_heading = "Recording")]
     pub record: Vec<String>,
     /// Record every N-th step, and the last
@@ -62,7 +63,7 @@ impl ChoiceArguments {
             every: self.record_every,
             around_s,
         };
-        if choice.is_all() {
+        if choice == Choice::default() {
             return Ok(choice);
         }
         if !is_recorded {
@@ -70,7 +71,7 @@ impl ChoiceArguments {
                 "--no-record records nothing; omit it, or the flags that select what is recorded",
             ));
         }
-        if has_checkpoints {
+        if has_checkpoints && !choice.is_all() {
             return Err(Failure::usage(
                 "a checkpoint needs a complete recording; omit --record, --record-every and --record-around-faults",
             ));

@@ -12,9 +12,10 @@ use hil_config::scenario::Scenario;
 use hil_console::files::folder::refuse_odd;
 use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{ReadError, RunReader};
+use hil_recording::schema::column_of;
 use shared_types::checkpoint::{Checkpoints, Resume};
 use shared_types::describe::PROTOCOL;
-use shared_types::record::RecordLayout;
+use shared_types::record::{RecordLayout, is_on_request};
 use shared_types::side::Side;
 use shared_types::time::Step;
 
@@ -39,6 +40,8 @@ pub struct Past {
     scenario: String,
     /// Fault events before the step.
     log: FaultLog,
+    /// Recorded inputs of instruments.
+    taps: Vec<String>,
 }
 
 /// Records before a checkpoint, for the recorder.
@@ -74,7 +77,7 @@ impl Past {
         let recording = folder.join(&checkpoint.recording.file);
         // Avoids the path through the checkpoint's folder, if there is a recording.
         let recording = fs::canonicalize(&recording).unwrap_or(recording);
-        let (scenario, log) = past(&recording, &checkpoint).map_err(|error| {
+        let (scenario, log, taps) = past(&recording, &checkpoint).map_err(|error| {
             let path_text = folder.display();
             Failure::usage(format!("cannot continue from {path_text}: {error}"))
         })?;
@@ -84,6 +87,7 @@ impl Past {
             recording,
             scenario,
             log,
+            taps,
         })
     }
 
@@ -104,7 +108,7 @@ impl Past {
             Scenario::parse(&self.scenario, &origin).map(|scenario| scenario.beside(&self.folder))
         };
         let then = scenario().and_then(|scenario| scenario.check(plants, laws, kinds))?;
-        let now = scenario::check(scenario(), changes, binaries, json)?;
+        let mut now = scenario::check(scenario(), changes, binaries, json)?;
         for set in &changes.set {
             // Every key is written out, so a key for several of them at once would be overridden.
             let alone =
@@ -116,7 +120,13 @@ impl Past {
             }
         }
         match branch::check(&then, &now, self.first(), &self.log) {
-            Ok(branch) => Ok((now, branch)),
+            Ok(branch) => {
+                // The records of both parts have one layout.
+                if let Some(plant) = now.plant_among(plants) {
+                    now.tap(plant, |name| self.taps.contains(&column_of(name)));
+                }
+                Ok((now, branch))
+            }
             Err(reasons) => Err(Failure::usage(format!(
                 "{} cannot continue with these changes:\n  {}",
                 self.folder.display(),
@@ -267,8 +277,11 @@ fn whole(folder: &Path, saved: &SavedSide) -> Result<(), Failure> {
     )))
 }
 
-/// Reads the past of a checkpoint: the scenario and the fault events.
-fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog), String> {
+/// Reads the past of a checkpoint: the scenario, the fault events and the recorded inputs of instruments.
+fn past(
+    recording: &Path,
+    checkpoint: &Checkpoint,
+) -> Result<(String, FaultLog, Vec<String>), String> {
     let in_words = |error: ReadError| error.to_string();
     let mut reader = RunReader::open(recording).map_err(in_words)?;
     reader.refuse_excerpt().map_err(in_words)?;
@@ -299,7 +312,9 @@ fn past(recording: &Path, checkpoint: &Checkpoint) -> Result<(String, FaultLog),
     }
     let actual = reader.digest();
     if actual == *digest {
-        Ok((scenario, log))
+        let names = reader.columns().iter().map(|column| column.name.clone());
+        let taps = names.filter(|name| is_on_request(name));
+        Ok((scenario, log, taps.collect()))
     } else {
         Err(format!(
             "{path_text} was changed: the digest of the first {expected} records is {actual}, but {digest} was recorded"

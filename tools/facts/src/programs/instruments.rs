@@ -9,22 +9,39 @@ use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::number::{short, short_in};
 use shared_types::table::Field;
 
-/// Figures of each instrument with its signal's full name and unit.
-fn figures<'a>(
+/// Instrument with what follows from its keys.
+struct Described<'a> {
+    /// Full name of its signal.
+    signal: String,
+    unit: &'a str,
+    instrument: &'a Instrument,
+    /// Keys of its stages, in their order.
+    stages: Vec<&'static str>,
+    figures: Figures,
+}
+
+/// Describes each instrument.
+fn described<'a>(
     plan: &'a Plan,
     plant: &'a PlantDescription,
-) -> Result<Vec<(String, &'a str, &'a Instrument, Figures)>, Invalid> {
+) -> Result<Vec<Described<'a>>, Invalid> {
+    let rate = plan.run.rate;
     let of = |group: &'static str, instruments: &'a [Instrument], fields: &'a [Field]| {
         instruments.iter().map(move |instrument| {
             let field = fields.iter().find(|field| field.name == instrument.signal);
-            let unit = field.map_or("1", |field| field.unit.as_str());
-            let figures = Figures::of(instrument, plan.run.rate)?;
-            Ok((
-                format!("{group}.{}", instrument.signal),
-                unit,
+            let stages = match group {
+                "measured" => instrument.sensor_stages(rate, fields),
+                _ => instrument.actuator_stages(rate),
+            };
+            let mut stages: Vec<_> = stages.iter().map(|stage| stage.key).collect();
+            stages.dedup();
+            Ok(Described {
+                signal: format!("{group}.{}", instrument.signal),
+                unit: field.map_or("1", |field| field.unit.as_str()),
                 instrument,
-                figures,
-            ))
+                stages,
+                figures: Figures::of(instrument, rate)?,
+            })
         })
     };
     let sensors = of("measured", &plan.sensors, &plant.measured);
@@ -44,7 +61,14 @@ pub fn text(
 ) -> Result<String, Invalid> {
     let mut text = String::new();
     let rate_hz = plan.run.rate.hz();
-    for (signal, unit, instrument, figures) in figures(plan, plant)? {
+    for one in described(plan, plant)? {
+        let Described {
+            signal,
+            unit,
+            instrument,
+            stages,
+            figures,
+        } = one;
         if !text.is_empty() {
             text.push('\n');
         }
@@ -68,6 +92,7 @@ pub fn text(
             short(noise_sigma),
             short(quantisation_sigma)
         );
+        line("stages", stages.join(", "));
         line("samples", format!("{} a second", short(samples)));
         line("one sigma", parts);
         if let Some(sigma) = instrument.get("bias_sigma") {
@@ -112,13 +137,19 @@ pub fn json(
     plant: &PlantDescription,
     frequencies_hz: &[f64],
 ) -> Result<Value, Invalid> {
-    let one = |(signal, unit, instrument, figures): (String, &str, &Instrument, Figures)| {
+    let one = |one: Described<'_>| {
+        let Described {
+            instrument,
+            figures,
+            ..
+        } = &one;
         let losses = frequencies_hz
             .iter()
             .map(|hz| json!({"frequency_hz": hz, "phase_loss_deg": figures.phase_loss_deg(*hz)}));
         json!({
-            "signal": signal,
-            "unit": unit,
+            "signal": one.signal,
+            "unit": one.unit,
+            "stages": one.stages,
             "rate_hz": plan.run.rate.hz() / instrument.divisor(plan.run.rate),
             "noise_sigma": figures.noise_sigma,
             "quantisation_sigma": figures.quantisation_sigma,
@@ -130,6 +161,6 @@ pub fn json(
             "phase": losses.collect::<Vec<_>>(),
         })
     };
-    let all = figures(plan, plant)?.into_iter().map(one);
+    let all = described(plan, plant)?.into_iter().map(one);
     Ok(json!({"instruments": all.collect::<Vec<_>>()}))
 }

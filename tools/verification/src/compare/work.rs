@@ -4,7 +4,7 @@ use std::path::Path;
 
 use hil_recording::reader::{Column, RunReader};
 use serde_json::Value;
-use shared_types::record::Event;
+use shared_types::record::{Event, is_on_request};
 use shared_types::table::near;
 use shared_types::time::{Rate, Step};
 
@@ -100,6 +100,7 @@ impl ComparisonPass {
         let only = |one: &RunReader, other: &RunReader| -> Vec<String> {
             let present = one.columns().iter().filter(|column| column.is_signal());
             let present = present.filter(|column| other.place(&column.name).is_none());
+            let present = present.filter(|column| !is_on_request(&column.name));
             present.map(|column| column.name.clone()).collect()
         };
         for name in signals {

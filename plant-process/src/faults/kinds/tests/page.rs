@@ -110,6 +110,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         kinds: all().into_iter().map(|entry| entry.description).collect(),
         parameters,
         stimuli,
+        taps: [Vec::new(), Vec::new()],
         derived: vec![],
         rate: rate(10_000.0),
         steps: 200_000,
@@ -132,6 +133,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
                     list,
                     rate: rate(10_000.0),
                     signals: 4,
+                    is_instrument: false,
                 };
                 let started = (entry(&event.kind).start)(&setup);
                 assert!(started.is_ok(), "{toml}");

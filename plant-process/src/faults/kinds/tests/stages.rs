@@ -109,6 +109,7 @@ fn errors(kind: &str, parameters: Parameters<'_>, count: u64) -> Vec<f64> {
         list: &[],
         rate: rate(100.0),
         signals: 1,
+        is_instrument: false,
     });
     let mut fault = fault.unwrap_or_else(|e| panic!("{kind}: {e}"));
     fault.hold(RandomStream::new(1, kind));
