@@ -2,7 +2,7 @@
 //!
 //! Used by the launcher, which knows plants and laws only by their binaries' descriptions ([`shared_types::describe`]),
 //! and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing, and reads no file but
-//! scenarios, studies and the CSV files of points and faults that scenarios name.
+//! scenarios, studies, port files, and the CSV and DBC files that these name.
 //!
 //! 1. [`Scenario::read`](scenario::Scenario::read): parses the text into a tree whose values remember their places;
 //!    [`set`](scenario::Scenario::set) applies `--set` values to it.
@@ -14,7 +14,8 @@
 //! 5. [`Evaluation`](evaluation::Evaluation) computes the plan's derived signals and metrics as records arrive, from
 //!    its [expressions](expression), and evaluates its [requirements] by [`Monitors`](monitor::Monitors) of all
 //!    [`Formula`](formula::Formula)s.
-//! 6. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of very many runs.
+//! 6. A [`Port`](port::Port) describes frames on a wire and the signal of each of their fields.
+//! 7. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of very many runs.
 
 mod analysis;
 mod check;
@@ -32,6 +33,7 @@ pub mod formula;
 pub mod live_requests;
 pub mod monitor;
 pub mod plan;
+pub mod port;
 pub mod problem;
 pub mod requirements;
 pub mod scenario;

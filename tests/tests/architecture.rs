@@ -19,7 +19,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
     ("hil-codec", &["shared-types"], &[]),
-    ("hil-config", &["shared-types"], &[]),
+    ("hil-config", &["shared-types", "hil-codec"], &[]),
     (
         "plant-process",
         &["shared-types", "hil-session", "hil-config", "hil-origin"],
