@@ -2,8 +2,8 @@
 //!
 //! Used by the launcher, which knows plants and laws only by their binaries' descriptions ([`shared_types::describe`]),
 //! and by the plant, which receives its part of a [`Plan`](plan::Plan). Starts nothing, and reads no file but
-//! scenarios, studies, and the tables and lists that scenarios name; [readers](table_file::Format) of formats other than
-//! CSV are passed in.
+//! scenarios, studies, port files, and the tables, lists and DBC files that these name; [readers](table_file::Format) of
+//! formats other than CSV are passed in.
 //!
 //! 1. [`Scenario::read`](scenario::Scenario::read): parses the text into a tree whose values remember their places;
 //!    [`set`](scenario::Scenario::set) applies `--set` values to it.
@@ -16,7 +16,8 @@
 //!    its [expressions](expression), and evaluates its [requirements] by [`Monitors`](monitor::Monitors) of all
 //!    [`Formula`](formula::Formula)s.
 //! 6. [`stimulus`] evaluates the waveforms of a plan, with their derivatives.
-//! 7. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of many runs.
+//! 7. A [`Port`](port::Port) describes frames on a wire and the signal of each of their fields.
+//! 8. A [`Study`](study::Study) names a scenario and its varied values, for a campaign of many runs.
 
 mod analysis;
 mod check;
@@ -34,6 +35,7 @@ pub mod formula;
 pub mod live_requests;
 pub mod monitor;
 pub mod plan;
+pub mod port;
 pub mod problem;
 pub mod requirements;
 pub mod scenario;

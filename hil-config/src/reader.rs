@@ -197,6 +197,7 @@ impl Reader {
     ) -> &mut Problem {
         let wherein = match section.path.as_str() {
             "" if std::ptr::eq(section.keys, crate::keys::STUDY) => "in a study".into(),
+            "" if std::ptr::eq(section.keys, crate::keys::PORT) => "in a port file".into(),
             "" => "in a scenario".into(),
             path => format!("in `{path}`"),
         };

@@ -77,6 +77,22 @@ pub fn study() -> Value {
     root
 }
 
+/// Returns the JSON schema (draft 2020-12) of a port file.
+#[must_use]
+pub fn port() -> Value {
+    let of = |common, kinds: &[keys::SectionKind]| {
+        let kinds = kinds.iter();
+        of_kinds(common, kinds.map(|kind| (kind.name, kind.text, kind.keys)))
+    };
+    let mut root = section(keys::PORT);
+    root["$schema"] = json!("https://json-schema.org/draft/2020-12/schema");
+    root["title"] = json!("hil port");
+    let properties = &mut root["properties"];
+    properties["media"]["items"] = of(keys::MEDIUM, keys::MEDIA);
+    properties["frames"]["items"]["properties"]["fields"]["items"] = of(keys::FIELD, keys::FIELDS);
+    root
+}
+
 /// Returns the schema of a table with known keys and no others.
 fn section(keys: &[Key]) -> Value {
     let properties: Map<String, Value> = keys

@@ -14,11 +14,12 @@ use crate::support::programs::{shipped, workspace};
 
 /// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
 /// targets, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 20] = [
+const ARROWS: [(&str, &[&str], &[&str]); 21] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
-    ("hil-config", &["shared-types"], &[]),
+    ("hil-codec", &["shared-types"], &[]),
+    ("hil-config", &["shared-types", "hil-codec"], &[]),
     (
         "plant-process",
         &["shared-types", "hil-session", "hil-config", "hil-origin"],
@@ -358,7 +359,8 @@ fn each_readme_states_callers_and_limits() {
     for package in packages() {
         let manifest = Path::new(text(&package["manifest_path"]));
         let folder = manifest.parent().expect("a folder");
-        let is_contract = ["shared-types", "hil-session"].contains(&text(&package["name"]));
+        let is_contract =
+            ["shared-types", "hil-session", "hil-codec"].contains(&text(&package["name"]));
         if !is_contract && !folder.starts_with(workspace().join("tools")) {
             continue;
         }

@@ -22,6 +22,7 @@ mod instruments;
 mod live_faults;
 mod monitors;
 mod points;
+mod ports;
 mod programs;
 mod quantities;
 mod schema;

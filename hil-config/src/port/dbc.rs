@@ -1,0 +1,118 @@
+//! DBC files that a port file names, each read once.
+
+use std::collections::HashMap;
+use std::io;
+use std::path::Path;
+
+use hil_codec::dbc::{Dbc, Message};
+
+use crate::problem::ProblemKind;
+use crate::reader::{Reader, Section};
+use crate::scenario::advice_on_missing;
+use crate::source::Place;
+
+/// Largest DBC file.
+const LARGEST: u64 = 16 << 20;
+
+/// DBC files by their names; `None` for one that cannot be used, which is reported once.
+pub(super) struct DbcFiles<'a> {
+    origin: &'a Path,
+    files: HashMap<String, Option<Dbc>>,
+}
+
+impl<'a> DbcFiles<'a> {
+    pub(super) fn new(origin: &'a Path) -> Self {
+        let files = HashMap::new();
+        Self { origin, files }
+    }
+
+    /// Returns the message that describes a frame, if it names one.
+    pub(super) fn message(
+        &mut self,
+        reader: &mut Reader,
+        section: &Section<'_>,
+    ) -> Result<Option<Message>, ()> {
+        let has = |key| section.table.get(key).is_some();
+        for (key, other) in [("dbc", "message"), ("message", "dbc")] {
+            if has(key) && !has(other) {
+                let path = section.path_of(other);
+                reader.missing(section, &path, format!("text, because of `{key}`"));
+                return Err(());
+            }
+        }
+        if !has("dbc") {
+            return Ok(None);
+        }
+        let name = reader.text(section, "dbc").ok_or(())?;
+        let message = reader.text(section, "message").ok_or(())?;
+        let dbc = self.file(reader, section, name).ok_or(())?;
+        let found = dbc.message(message);
+        if found.is_none() {
+            let text = format!("`{name}` has no message `{message}`");
+            let names = dbc.messages.iter().map(|message| message.name.as_str());
+            reader
+                .report_at(section, "message", ProblemKind::UnknownName, text)
+                .one_of(message, names);
+        }
+        found.cloned().map(Some).ok_or(())
+    }
+
+    fn file(&mut self, reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<&Dbc> {
+        if !self.files.contains_key(name) {
+            let dbc = self.read(reader, section, name);
+            self.files.insert(name.to_owned(), dbc);
+        }
+        self.files.get(name)?.as_ref()
+    }
+
+    fn read(&self, reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<Dbc> {
+        let folder = self.origin.parent().unwrap_or(Path::new(""));
+        let path = folder.join(name);
+        let text = match read_text(&path) {
+            Ok(text) => text,
+            Err(error) => {
+                let message = format!("`{name}` cannot be read: {error}");
+                let advice = match error.kind() {
+                    io::ErrorKind::NotFound => advice_on_missing(folder, name, "port file"),
+                    _ => String::new(),
+                };
+                reader
+                    .report_at(section, "dbc", ProblemKind::Unreadable, message)
+                    .help(advice);
+                return None;
+            }
+        };
+        let dbc = Dbc::read(&text);
+        let source = reader.sources.add(path.display().to_string(), text);
+        match dbc {
+            Ok(dbc) => Some(dbc),
+            Err(mistakes) => {
+                for mistake in mistakes {
+                    let span = mistake.place;
+                    let place = Place { source, span };
+                    reader.report(ProblemKind::Mismatch, "", &place, mistake.message);
+                }
+                None
+            }
+        }
+    }
+}
+
+/// Reads a DBC file, which many tools write in Latin-1.
+fn read_text(path: &Path) -> io::Result<String> {
+    let info = std::fs::metadata(path)?;
+    if !info.is_file() || info.len() > LARGEST {
+        return Err(io::Error::other(
+            "it is not a regular file of at most 16 MiB",
+        ));
+    }
+    let bytes = std::fs::read(path)?;
+    let text = String::from_utf8(bytes);
+    Ok(text.unwrap_or_else(|error| {
+        error
+            .as_bytes()
+            .iter()
+            .map(|byte| char::from(*byte))
+            .collect()
+    }))
+}
