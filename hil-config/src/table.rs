@@ -251,8 +251,8 @@ impl Table {
     }
 
     fn copy_derivatives(&self, at: usize, row: &mut [f64]) {
-        for order in 1..=self.points.derivatives() {
-            row[order] = self.points.column(order)[at];
+        for (order, derivative) in (1..=self.points.derivatives()).zip(&mut row[1..]) {
+            *derivative = self.points.column(order)[at];
         }
     }
 
@@ -284,8 +284,8 @@ impl Table {
                 match self.points.derivatives() {
                     0 => row.copy_from_slice(&line(self.points.column(0))),
                     orders => {
-                        for order in 0..=orders {
-                            row[order] = line(self.points.column(order))[0];
+                        for (order, value) in (0..=orders).zip(row) {
+                            *value = line(self.points.column(order))[0];
                         }
                     }
                 }

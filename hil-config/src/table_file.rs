@@ -20,8 +20,11 @@ pub struct Format {
     /// Ending of the file's name, without the dot.
     pub ending: &'static str,
     /// Opens a file in which these columns are looked for.
-    pub open: fn(&Path, &[&str]) -> Result<Box<dyn TableSource>, Refusal>,
+    pub open: OpenTable,
 }
+
+/// Function that opens a file in which some columns are looked for.
+pub type OpenTable = fn(&Path, &[&str]) -> Result<Box<dyn TableSource>, Refusal>;
 
 /// Open file of a table.
 pub trait TableSource {

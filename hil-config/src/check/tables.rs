@@ -205,6 +205,8 @@ fn packed(reader: &mut Reader, section: &Section<'_>, folder: &Path, name: &str)
         Some(beside) if !path.exists() && beside.exists() => beside,
         _ => path,
     };
+    // The plan may become a text in another folder.
+    let path = std::path::absolute(&path).unwrap_or(path);
     match Points::read(&path) {
         Ok(points) => Some(points),
         Err(error) => {

@@ -40,7 +40,8 @@ struct Lines {
 pub(crate) fn open(path: &Path) -> io::Result<Result<Csv, Refusal>> {
     let info = std::fs::metadata(path)?;
     // Reading a folder fails with an error of its own.
-    if !info.is_dir() && !(info.is_file() && info.len() <= LARGEST) {
+    let ends = info.is_dir() || (info.is_file() && info.len() <= LARGEST);
+    if !ends {
         return Err(io::Error::other(
             "it is not a regular file of at most 4 GiB",
         ));

@@ -378,7 +378,7 @@ fn a_column_of_a_file_is_a_signal_for_expressions() {
 
 #[test]
 fn a_derived_signal_is_an_expression_or_a_table() {
-    let csv = b"t,x\n0,1\n1,2\n";
+    let csv = b"t,x\n0,1\n0.5,1\n1,2\n";
     for (keys, piece) in [
         (
             "expression = \"1\"\nfile = \"x.csv\"",
@@ -387,7 +387,7 @@ fn a_derived_signal_is_an_expression_or_a_table() {
         ("", "`derived[2].expression` is missing"),
         (
             "file = \"x.csv\"\ncolumn = \"x\"",
-            "ends at 1 s with line 3",
+            "ends at 1 s with line 4",
         ),
         ("file = \"y.csv\"", "it does not exist"),
     ] {

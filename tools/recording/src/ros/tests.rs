@@ -88,8 +88,10 @@ fn a_damaged_file_is_refused_and_never_a_panic() {
 fn a_message_that_ends_early_does_not_fit() {
     let message =
         Message::parse("string name\nfloat64[] values\nfloat64 last\n").expect("a schema");
-    // "ab", one value 1.5, and 2.5, with padding after the text.
-    let mut data = vec![0, 1, 0, 0, 3, 0, 0, 0, b'a', b'b', 0, 0, 1, 0, 0, 0];
+    // "ab" with its zero, padding, one element, padding to a multiple of 8, 1.5, and 2.5.
+    let mut data = vec![
+        0, 1, 0, 0, 3, 0, 0, 0, b'a', b'b', 0, 0, 1, 0, 0, 0, 0, 0, 0, 0,
+    ];
     data.extend(1.5_f64.to_le_bytes());
     data.extend(2.5_f64.to_le_bytes());
     let mut row = [0.0; 2];
