@@ -177,6 +177,8 @@ fn the_figures_of_instruments_are_shown() {
         "measured.position_m",
         "500 a second",
         "stages        scale, cross, bias, bias_sigma,",
+        "correlation time 0.3 s",
+        "after 1 s",
         "command.force_n",
         "deg at 10 Hz",
     ]);

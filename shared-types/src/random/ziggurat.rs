@@ -40,7 +40,7 @@ pub(super) fn prepare() {
     LazyLock::force(&TABLE);
 }
 
-/// `exp(-x^2 / 2)`, the density without its factor.
+/// Density without its factor, `exp(-x^2 / 2)`.
 fn density(x: f64) -> f64 {
     libm::exp(-0.5 * x * x)
 }

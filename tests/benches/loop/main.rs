@@ -11,6 +11,8 @@
 //! - `one_core`: everything on one core;
 //! - `idle`: what a held and a slowly paced run cost;
 //! - `faults`: what the fault layer costs with no fault and with ten;
+//! - `instruments`: what eight sensors of all stages cost, and with `HIL_BENCH_BEFORE=PATH` (`hil` of an older
+//!   commit) what a run without instruments costs;
 //! - `requirements`: what twenty requirements cost;
 //! - `monitor`: what `hil monitor` in a terminal costs the run that it watches;
 //! - `many`: what each of very many short runs costs, and whether the thousandth costs more than the first.
@@ -26,6 +28,7 @@ mod effort;
 mod experiment;
 mod faults;
 mod idle;
+mod instruments;
 mod many;
 #[path = "../shared/measure.rs"]
 mod measure;
@@ -58,13 +61,14 @@ fn main() -> ExitCode {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
         let names = null::Names::given();
-        let tables: [(&str, &dyn Fn()); 9] = [
+        let tables: [(&str, &dyn Fn()); 10] = [
             ("runs", &|| runs::compare(&programs)),
             ("steps", &steps::compare),
             ("costs", &|| costs::compare(&programs, &names)),
             ("one_core", &|| one_core::compare(&programs, &names)),
             ("idle", &|| idle::compare(&programs)),
             ("faults", &|| faults::compare(&programs)),
+            ("instruments", &|| instruments::compare(&programs)),
             ("requirements", &|| requirements::compare(&programs)),
             ("monitor", &|| monitor::compare(&programs)),
             ("many", &|| many::compare(&programs)),

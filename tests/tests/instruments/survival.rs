@@ -136,7 +136,7 @@ fn message_faults_act_behind_the_sensor_and_before_the_actuator() {
         digest
     );
     let without = scenario(&rig, INSTRUMENTS);
-    let without = rig.run(&text(&without).to_owned()).expect(0);
+    let without = rig.run(text(&without)).expect(0);
     let [faulty, healthy] = [&first, &without].map(|run| Recording::open(&run.recording()));
     let sensed = faulty.column("sensed.velocity_mps");
     let measured = faulty.column("measured.velocity_mps");

@@ -97,12 +97,18 @@ pub fn text(
         line("one sigma", parts);
         if let Some(sigma) = instrument.get("bias_sigma") {
             let course = match instrument.get("bias_tau_s") {
-                Some(tau_s) => format!("walks with {} s", short(tau_s)),
+                Some(tau_s) => format!("correlation time {} s", short(tau_s)),
                 None => "drawn once a run".into(),
             };
             line(
                 "bias",
                 format!("one sigma {}, {course}", short_in(sigma, unit)),
+            );
+        }
+        if let Some(walk) = instrument.get("bias_walk") {
+            line(
+                "walk",
+                format!("one sigma {} after 1 s", short_in(walk, unit)),
             );
         }
         let total_s = dead_s + hold_s + lag_s;
@@ -155,6 +161,7 @@ pub fn json(
             "quantisation_sigma": figures.quantisation_sigma,
             "bias_sigma": instrument.get("bias_sigma"),
             "bias_tau_s": instrument.get("bias_tau_s"),
+            "bias_walk": instrument.get("bias_walk"),
             "dead_time_s": figures.dead_s,
             "hold_s": figures.hold_s,
             "lag_s": figures.lag_s,
