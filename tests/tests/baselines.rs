@@ -199,7 +199,7 @@ fn incomparable_runs_and_baselines_are_refused() {
                 "--baselines",
                 "nowhere.toml",
             ],
-            "create it with --update",
+            "--update creates one",
         ),
         (
             vec![&mass, "--baseline", "leakage", "--baselines", file],

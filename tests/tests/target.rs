@@ -434,11 +434,11 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
         ),
         (
             &format!("{ON_BOARD} --controller-bin {foreign}"),
-            "is built for aarch64, the target is",
+            "is built for aarch64, but the target is",
         ),
         (
             &format!("{ON_BOARD} --target-agent {foreign}"),
-            "is built for aarch64, the target is",
+            "is built for aarch64, but the target is",
         ),
         (
             &format!("{ON_BOARD} --link in-process"),

@@ -67,12 +67,12 @@ fn no_other_process_is_admitted() {
         (
             "a wrong token",
             entry(&wrong, own),
-            "the token is not that of the controller of this session",
+            "the token does not belong to the controller of this session",
         ),
         (
             "the token of another session",
             entry(&second, own),
-            "the token is not that of the controller of this session",
+            "the token does not belong to the controller of this session",
         ),
         (
             "the name of another process",

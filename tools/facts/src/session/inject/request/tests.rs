@@ -155,7 +155,7 @@ fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
         ),
         (
             "skip plant 3",
-            "`skip` does not act on `plant` ; `controller`, or no target: it is the only one ; ",
+            "`skip` does not act on `plant` ; `controller`, or no target, because it is the only one ; ",
         ),
         (
             "supply-loss controller 0.5 0.5",
