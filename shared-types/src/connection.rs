@@ -238,7 +238,7 @@ mod tests {
             (
                 SignalKind::Command,
                 ["c_m", "m", "d_m", "m"],
-                "law `two` would send the command `d_m` twice",
+                "law `two` would send the command `d_m` twice; remove one of the connections",
             ),
         ] {
             let error = law().connected(&[connection(kind, names, 1.0, 0.0)]);

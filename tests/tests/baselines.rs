@@ -186,7 +186,7 @@ fn incomparable_runs_and_baselines_are_refused() {
     let cases = [
         (vec![folder, "--baseline", "leekage", "--baselines", file], "nearest: `leakage`"),
         (vec![folder, "--baseline", "a/b", "--baselines", file], "is not a valid baseline name"),
-        (vec![folder, "--baseline", "leakage", "--baselines", "nowhere.toml"], "create it with --update"),
+        (vec![folder, "--baseline", "leakage", "--baselines", "nowhere.toml"], "--update creates one"),
         (vec![&mass, "--baseline", "leakage", "--baselines", file], "belongs to scenario `leakage`"),
         (vec![folder], "<B>"),
         (vec![folder, &other, "--baseline", "leakage"], "cannot be used with"),

@@ -92,7 +92,7 @@ fn busy_loops_on_each_core_change_no_digest_and_are_reported() {
             (0.3 * count..=count).contains(&others_cores),
             "{others_cores}"
         );
-        run.prints(&["  other programs kept "]);
+        run.prints(&["  meanwhile other programs kept "]);
     }
 }
 

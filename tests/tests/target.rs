@@ -424,8 +424,8 @@ fn contradictory_options_are_refused_and_nothing_is_started() {
         ("--target serve://127.0.0.1:1", "needs its key"),
         (&format!("--target serve://127.0.0.1:1 --key-file {open}"), "can be read by others"),
         (&format!("--target serve://127.0.0.1:1 --key-file {nothing}"), "holds no key"),
-        (&format!("{ON_BOARD} --controller-bin {foreign}"), "is built for aarch64, the target is"),
-        (&format!("{ON_BOARD} --target-agent {foreign}"), "is built for aarch64, the target is"),
+        (&format!("{ON_BOARD} --controller-bin {foreign}"), "is built for aarch64, but the target is"),
+        (&format!("{ON_BOARD} --target-agent {foreign}"), "is built for aarch64, but the target is"),
         (&format!("{ON_BOARD} --link in-process"), "needs a process on the target"),
         (&format!("{ON_BOARD} --checkpoint-at 0.1"), "--checkpoint-at cannot be used with --target"),
     ];

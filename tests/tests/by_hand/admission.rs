@@ -61,8 +61,8 @@ fn no_other_process_is_admitted() {
     let cases = [
         ("nonsense", "hello".to_owned(), "not a request"),
         ("no token", json!({"process": own}).to_string(), "missing field `token`"),
-        ("a wrong token", entry(&wrong, own), "the token is not that of the controller of this session"),
-        ("the token of another session", entry(&second, own), "the token is not that of the controller of this session"),
+        ("a wrong token", entry(&wrong, own), "the token does not belong to the controller of this session"),
+        ("the token of another session", entry(&second, own), "the token does not belong to the controller of this session"),
         ("the name of another process", entry(&token, ProcessId::of(1).expect("the first")), "it claims to be process 1, but process"),
         ("a process of before", entry(&token, ProcessId { start_ticks: own.start_ticks + 1,..own }), "it claims to be process"),
         ("another program with the right token", entry(&token, own), ": start that program, or name yours with --controller-bin"),

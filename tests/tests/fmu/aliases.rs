@@ -232,7 +232,7 @@ fn a_parameter_not_accepted_by_the_fmu_ends_the_run() {
         let rows = [row("x", &[]), row("u", &[]), row("k", &[])];
         let stubborn = "-DKEPT(value)=((value) > 5 ? 5 : (value))";
         place.fmu("plant.fmu", &accumulator(version, &rows, &[stubborn]));
-        let expected = ["parameter `k` was set to 7, and the FMU has 5"];
+        let expected = ["parameter `k` was set to 7, but the FMU has 5"];
         let start = format!("{text}[plant.parameters]\nk = 7\n");
         place.run(&start, "").expect(2).says(&expected);
         let change = format!("{text}[[changes]]\nat_s = 0.1\nset.\"plant.parameters.k\" = 7.0\n");

@@ -242,7 +242,7 @@ fn a_law_with_a_fixed_step_is_refused_with_the_key_to_change() {
          [[connect]]\nlaw = \"command.x.y\"\nplant = \"command.x.y.u\"\n";
     let expected = [
         "fixed step of 0.02 s",
-        "controller.rate_hz must be 50 divided by an integer",
+        "set controller.rate_hz to 50 divided by an integer",
     ];
     place.run(scenario, "").expect(2).says(&expected);
     place.run(scenario, "--set controller.rate_hz=50").expect(0);

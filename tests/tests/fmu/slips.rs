@@ -85,6 +85,6 @@ fn a_parameter_without_a_start_value_is_set_as_an_initial_value() {
         place.fmu("stubborn.fmu", &stubborn);
         let seven = text + "[plant.initial]\nq = 7\n";
         let refused = place.run(&seven, "").expect(2);
-        refused.says(&["parameter `q` was set to 7, and the FMU has 5"]);
+        refused.says(&["parameter `q` was set to 7, but the FMU has 5"]);
     }
 }

@@ -43,7 +43,7 @@ fn an_fmu_that_takes_over_has_the_settings_of_the_scenario_and_of_the_swap() {
         "controller.law=hold",
     ];
     let refused = [&native[..], &["--set", "controller.tolerance=0.1"]].concat();
-    (swap(&refused).expect(2)).says(&["is not an FMU, so this has no effect"]);
+    (swap(&refused).expect(2)).says(&["has no effect, because"]);
     let swapped = swap(&native).expect(0).stdout;
     let left_out =
         "left out, because none of its laws has them: controller.tolerance, controller.initial\n";

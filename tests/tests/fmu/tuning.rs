@@ -150,7 +150,7 @@ fn a_change_counts_where_the_fmu_sets_the_parameter_at_its_start() {
         // As a value of the start it is not what the FMU has.
         let start =
             scenario("stubborn", "stubborn.fmu", 100.0, 100.0) + "[plant.parameters]\np = 7\n";
-        let expected = ["parameter `p` was set to 7, and the FMU has 5"];
+        let expected = ["parameter `p` was set to 7, but the FMU has 5"];
         place.run(&start, "").expect(2).says(&expected);
     }
 }

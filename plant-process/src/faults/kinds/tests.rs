@@ -207,7 +207,7 @@ fn inconsistent_parameters_are_refused_with_the_reason() {
         ("cross-coupling", &[], &[], "`cross` is missing"),
         ("cross-coupling", &[], &[5.0, 0.1], "signal 5, but there are only the signals 1 to 4"),
         ("cross-coupling", &[], &[0.0, 0.1], "signal 0"),
-        ("message-loss", &[], &[1.0, 0.5], "has 0.5"),
+        ("message-loss", &[], &[1.0, 0.5], "contains 0.5"),
         (
             "message-loss",
             &[("probability", 0.5)],

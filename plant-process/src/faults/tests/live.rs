@@ -186,7 +186,7 @@ fn a_follower_of_a_fault_cleared_before_its_beginning_never_begins() {
     rig.run(2);
     rig.layer.clear(Some(1), Step(2));
     let result = rig.admit(vec![plus(3, Trigger::Now), plus(4, after(1, 0))]);
-    let expected = "fault 1 ended before it took effect: nothing can follow it";
+    let expected = "fault 1 ended before it took effect, so nothing can follow it";
     assert_eq!(result, Err(expected.into()));
     rig.run(8);
     assert_eq!(rig.told, [(1, 0, 2, 'x')]);

@@ -146,8 +146,8 @@ fn live_faults_become_scenario_faults_at_the_steps_at_which_they_took_hold() {
     .expect("a run");
     let text = run.scenario().expect("a scenario");
     for comment in [
-        "# Fault 1 of the scenario, `bias`, is left out: ",
-        "# Fault 2 of the scenario, `bias`, is left out: ",
+        "# Fault 1 of the scenario, `bias`, is left out because ",
+        "# Fault 2 of the scenario, `bias`, is left out because ",
         "# Live fault 5, requested before step 20 (0.02 s): at once.",
         "# Live fault 6, requested before step 31 (0.031 s): when `measured.surface_angle_rad > 1` has held for 3 steps; it never took effect.",
         "# Live fault 7, requested before step 32 (0.032 s): when `measured.surface_angle_rad > 1` has held for 3 steps, 2 times.",

@@ -91,10 +91,10 @@ fn records_may_be_missing_only_in_real_time_and_only_if_counted() {
     accepted(REALTIME, lacks(150)); // some of them were events
     rejected(
         REALTIME,
-        "1001 records; 858 arrived and 142 were lost",
+        "1001 records, but 858 arrived and 142 were lost",
         lacks(142),
     );
-    rejected(LOCKSTEP, "1001 records; 858 arrived", lacks(143));
+    rejected(LOCKSTEP, "1001 records, but 858 arrived", lacks(143));
     rejected(Clock::Paced { factor: 1.0 }, "858 arrived", lacks(143));
 }
 

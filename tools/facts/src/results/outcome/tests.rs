@@ -34,5 +34,5 @@ fn an_end_contradicted_by_the_records_is_not_accepted() {
     let (outcome, reason) = of_records(858).outcome(None);
     assert_eq!(outcome, Outcome::Failed);
     let reason = reason.expect("why");
-    assert!(reason.contains("1001 records; 858 arrived"), "{reason}");
+    assert!(reason.contains("1001 records, but 858 arrived"), "{reason}");
 }

@@ -240,7 +240,7 @@ fn units_dependencies_and_aliases_that_make_no_sense_are_noted() {
         [
             "an alias of \"y\" has no name; it is ignored",
             "a unit has no name; it is ignored",
-            "unit \"half\": `m` of BaseUnit is \"0.5\"; nothing is converted by it",
+            "unit \"half\": `m` of BaseUnit is \"0.5\"; it is not used for conversions",
             "`dependencies` of Output names no variable; it may depend on all inputs",
             "`valueReference` of Output names no variable; it is ignored",
         ]
@@ -369,8 +369,8 @@ fn invalid_bounds_and_units_are_noted() {
     assert_eq!(
         slips.notes,
         [
-            "unit \"bar\" has the factor 0 and the offset 0; nothing is converted by it",
-            "unit \"degC\" has the factor 1 and the offset NaN; nothing is converted by it",
+            "unit \"bar\" has the factor 0 and the offset 0; it is not used for conversions",
+            "unit \"degC\" has the factor 1 and the offset NaN; it is not used for conversions",
             "`min` of \"x\" is NaN; it is ignored",
         ]
     );
