@@ -229,23 +229,16 @@ fn foreign_programs_are_refused() {
     let stranger = rig.script("stranger", &format!("#!/bin/sh\necho '{described}'\n"));
     let plant = program("plant-process");
     for flag in ["--plant-bin", "--controller-bin"] {
-        for (path, fragments) in [
-            (
-                "/no/such/program".into(),
-                ["/no/such/program", "No such file"],
-            ),
+        #[rustfmt::skip] // a table
+        let cases = [
+            ("/no/such/program".into(), ["/no/such/program", "No such file"]),
             (plain.clone(), ["plain", "not executable"]),
             (rig.path(""), ["cannot run", "it is a folder"]),
-            (
-                "/bin/true".into(),
-                ["/bin/true", "does not speak the protocol"],
-            ),
-            (
-                babbler.clone(),
-                ["does not speak the protocol", "who are you"],
-            ),
+            ("/bin/true".into(), ["/bin/true", "does not speak the protocol"]),
+            (babbler.clone(), ["does not speak the protocol", "who are you"]),
             (stranger.clone(), ["stranger", "speaks protocol 999"]),
-        ] {
+        ];
+        for (path, fragments) in cases {
             refuse(
                 &rig,
                 &format!("{SCENARIO} {flag} {}", path.display()),

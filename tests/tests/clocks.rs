@@ -10,7 +10,7 @@ use crate::support::harness::{EXPIRES_S, Rig, Run, send, text, until};
 use crate::support::mcap_reader::{Record, Recording};
 
 /// A second of the teaching plant at 200 Hz: 5 ms per step.
-const SCENARIO: &str = r#"
+pub(crate) const SCENARIO: &str = r#"
 schema = 1
 name = "clocks"
 [run]
@@ -29,9 +29,14 @@ frequency_hz = 2.0
 
 /// Returns a fault that makes a side busy for 12 ms at each of ten steps from 0.2 s, step 40, on.
 fn busy(side: &str) -> String {
+    busy_for(12, side, 0.2)
+}
+
+/// Returns a fault that makes a side busy for so long at each of ten steps from a time on.
+pub(crate) fn busy_for(ms: u32, side: &str, at_s: f64) -> String {
     format!(
-        "[[faults]]\nkind = \"late\"\nat_s = 0.2\noccurrences = 10\n\
-         [[faults.effects]]\ntarget = \"{side}\"\nbusy_us = 12000\n"
+        "[[faults]]\nkind = \"late\"\nat_s = {at_s:?}\noccurrences = 10\n\
+         [[faults.effects]]\ntarget = \"{side}\"\nbusy_us = {ms}000\n"
     )
 }
 

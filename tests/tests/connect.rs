@@ -264,23 +264,13 @@ fn faults_have_the_names_and_units_of_the_plant() {
 #[test]
 fn invalid_connections_start_nothing() {
     let rig = Rig::new();
-    for (from, to, expected) in [
-        (
-            "\"measured.s\"",
-            "\"measured.der__s\"",
-            "have different dimensions, m/s and m",
-        ),
-        (
-            "made_for = \"spring-mass\"\n",
-            "",
-            "law `pid` is not made for plant `slider`",
-        ),
-        (
-            "\"command.f\"",
-            "\"command.g\"",
-            "`command.g` is not a signal of plant `slider`",
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("\"measured.s\"", "\"measured.der__s\"", "have different dimensions, m/s and m"),
+        ("made_for = \"spring-mass\"\n", "", "law `pid` is not made for plant `slider`"),
+        ("\"command.f\"", "\"command.g\"", "`command.g` is not a signal of plant `slider`"),
+    ];
+    for (from, to, expected) in cases {
         let wrong = scenario(&rig, "wrong.toml", &SLIDER.replace(from, to));
         rig.run(&foreign(&wrong, "")).expect(2).says(&[expected]);
     }

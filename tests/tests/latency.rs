@@ -9,6 +9,7 @@ use rustix::process::Signal;
 use rustix::thread::{CpuSet, sched_getaffinity};
 use serde_json::Value;
 
+use crate::clocks::{SCENARIO, busy_for};
 use crate::support::harness::{Rig, text, until};
 use crate::support::mcap_reader::{Record, Recording};
 
@@ -248,40 +249,6 @@ fn a_recording_gives_the_latency_of_its_summary() {
 /// End of the sentence in a report that grades a run.
 const GRADED: &str = "unfit for servo loops, by the limits that users of machine control live by.";
 
-/// A second at 200 Hz in real time. Both sides are busy at ten steps: the controller for more than two periods, the
-/// plant for more than one, so that commands are missed and samples are late.
-const LOADED: &str = r#"
-schema = 1
-name = "loaded"
-[run]
-duration_s = 1.0
-rate_hz = 200
-clock = "realtime"
-[plant]
-model = "spring-mass"
-[controller]
-law = "pid"
-[[stimuli]]
-target = "position_m"
-kind = "sine"
-amplitude = 0.01
-frequency_hz = 2.0
-[[faults]]
-kind = "late"
-at_s = 0.2
-occurrences = 10
-[[faults.effects]]
-target = "controller"
-busy_us = 12000
-[[faults]]
-kind = "late"
-at_s = 0.3
-occurrences = 10
-[[faults.effects]]
-target = "plant"
-busy_us = 7000
-"#;
-
 /// Compares figures with the exact order statistics of the same times.
 #[track_caller]
 fn assert_figures(figures: &Value, mut times_ns: Vec<u64>, leg: &str) {
@@ -338,8 +305,12 @@ fn assert_latency(summary: &Value, recording: &Path) -> usize {
 #[test]
 fn the_worst_steps_of_a_loaded_real_time_run_count() {
     let rig = Rig::new();
-    let scenario = rig.write("loaded.toml", LOADED);
-    let run = rig.run(text(&scenario)).expect(0);
+    // The controller is busy for more than two periods at ten steps, the plant for more than one: commands are missed
+    // and samples are late.
+    let (controller, plant) = (busy_for(12, "controller", 0.2), busy_for(7, "plant", 0.3));
+    let scenario = rig.write("loaded.toml", &[SCENARIO, &controller, &plant].concat());
+    let run = rig.run(&format!("{} --clock realtime", scenario.display()));
+    let run = run.expect(0);
     let summary = run.summary();
     let without = assert_latency(&summary, &run.recording());
     assert!(without >= 10, "the law was too slow for {without} steps");

@@ -12,6 +12,7 @@ use shared_types::random::RandomStream;
 
 use copy::Copy;
 
+use crate::clocks;
 use crate::every_fault;
 use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{
@@ -105,16 +106,10 @@ fn an_unchanged_controller_reproduces_every_answer_bit_by_bit() {
 #[test]
 fn a_late_controller_is_replayed_with_the_samples_that_it_saw() {
     let rig = Rig::new();
-    // Busy for 12 ms at each of ten steps of 5 ms.
-    let scenario = rig.write(
-        "clocks.toml",
-        "schema = 1\nname = \"clocks\"\n[run]\nduration_s = 1.0\nrate_hz = 200\n\
-         clock = \"realtime\"\n[plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"pid\"\n\
-         [[stimuli]]\ntarget = \"position_m\"\nkind = \"sine\"\namplitude = 0.01\nfrequency_hz = 2.0\n\
-         [[faults]]\nkind = \"late\"\nat_s = 0.2\noccurrences = 10\n\
-         [[faults.effects]]\ntarget = \"controller\"\nbusy_us = 12000\n",
-    );
-    let run = rig.run(text(&scenario)).expect(0);
+    let late = clocks::SCENARIO.to_owned() + &clocks::busy_for(12, "controller", 0.2);
+    let scenario = rig.write("clocks.toml", &late);
+    let run = rig.run(&format!("{} --clock realtime", scenario.display()));
+    let run = run.expect(0);
     let missed = number(&run.summary()["missed_commands"]["count"]);
     assert!(missed >= 10, "{missed}");
     let report = replayed(&rig, &run.folder, &[], 0);

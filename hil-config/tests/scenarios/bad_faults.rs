@@ -164,7 +164,8 @@ at_s = 0.5"
 
 #[test]
 fn a_missing_key_is_reported_where_its_table_begins() {
-    for (event, effect, pieces) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         (
             "^[[faults]]\nkind = \"bias\"",
             format!("[[faults.effects]]\n{EFFECT}"),
@@ -173,21 +174,9 @@ fn a_missing_key_is_reported_where_its_table_begins() {
                 "one of `at_s`, `at_step`, `when`, `after`",
             ][..],
         ),
-        (
-            "^[[faults]]\nkind = \"bias\"\nat_s = 0.5",
-            String::new(),
-            &["`faults[0].effects` is missing"],
-        ),
-        (
-            "^[[faults]]\nat_s = 0.5",
-            format!("[[faults.effects]]\n{EFFECT}"),
-            &["`faults[0].kind` is missing"],
-        ),
-        (
-            "[[faults]]\nkind = \"bias\"\nat_s = 0.5",
-            "^[[faults.effects]]\nbias = 1".into(),
-            &["`faults[0].effects[0].target` is missing"],
-        ),
+        ("^[[faults]]\nkind = \"bias\"\nat_s = 0.5", String::new(), &["`faults[0].effects` is missing"]),
+        ("^[[faults]]\nat_s = 0.5", format!("[[faults.effects]]\n{EFFECT}"), &["`faults[0].kind` is missing"]),
+        ("[[faults]]\nkind = \"bias\"\nat_s = 0.5", "^[[faults.effects]]\nbias = 1".into(), &["`faults[0].effects[0].target` is missing"]),
         (
             "[[faults]]\nkind = \"bias\"\nat_s = 0.5",
             "^[[faults.effects]]\ntarget = \"measured.surface_angle_rad\"".into(),
@@ -201,7 +190,8 @@ fn a_missing_key_is_reported_where_its_table_begins() {
                 "one of `1`, `2`",
             ],
         ),
-    ] {
+    ];
+    for (event, effect, pieces) in cases {
         let text = base_with_faults(&format!("{event}\n{effect}"));
         assert_one_problem(&text, MissingKey, pieces);
     }

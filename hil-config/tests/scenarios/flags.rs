@@ -20,24 +20,13 @@ fn set(flags: &[&str]) -> hil_config::plan::Plan {
 
 #[test]
 fn a_flag_acts_like_a_line_of_the_file() {
+    #[rustfmt::skip] // a table
     let cases = [
         ("run.seed=9", "seed = 7", "seed = 9"),
-        (
-            "faults[0].effects[1].speed_per_s=2",
-            "speed_per_s = 0.5",
-            "speed_per_s = 2",
-        ),
-        (
-            "plant.parameters.actuator2.piston_mass_kg=70",
-            "= 60.0",
-            "= 70",
-        ),
+        ("faults[0].effects[1].speed_per_s=2", "speed_per_s = 0.5", "speed_per_s = 2"),
+        ("plant.parameters.actuator2.piston_mass_kg=70", "= 60.0", "= 70"),
         ("metrics[0].windows_s[1][0]=1.5", "[1.0, 2]", "[1.5, 2]"),
-        (
-            "metrics[0].windows_s=[[0.5, 2]]",
-            "[[0, 1], [1.0, 2]]",
-            "[[0.5, 2]]",
-        ),
+        ("metrics[0].windows_s=[[0.5, 2]]", "[[0, 1], [1.0, 2]]", "[[0.5, 2]]"),
         ("name=other", "\"base\"", "\"other\""),
         ("name=\"other\"", "\"base\"", "\"other\""),
     ];
@@ -160,27 +149,17 @@ fn a_faulty_flag_is_reported_with_the_column_of_the_mistake() {
 
 #[test]
 fn a_misplaced_name_is_answered_with_its_key_or_table() {
-    for (flag, nearest, help) in [
-        (
-            "piston_mass_kg=1",
-            "plant.parameters.actuator1.piston_mass_kg",
-            "",
-        ),
-        (
-            "plant.piston_mass=1",
-            "plant.parameters.actuator1.piston_mass_kg",
-            "",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("piston_mass_kg=1", "plant.parameters.actuator1.piston_mass_kg", ""),
+        ("plant.piston_mass=1", "plant.parameters.actuator1.piston_mass_kg", ""),
         ("rate_hz=1", "run.rate_hz", ""),
         ("run=1", "", ""),
-        (
-            "surface_angle_deg=1",
-            "",
-            "`surface_angle_rad` is a reference signal: its values follow from the keys of `stimuli[0]`",
-        ),
+        ("surface_angle_deg=1", "", "`surface_angle_rad` is a reference signal: its values follow from the keys of `stimuli[0]`"),
         ("offset=1", "", "`bias` is a kind of fault"),
         ("sede=9", "run.seed", ""),
-    ] {
+    ];
+    for (flag, nearest, help) in cases {
         let problems = with(&[flag]).expect_err(flag);
         let first = problems[0].nearest.first().map_or("", String::as_str);
         assert_eq!(first, nearest, "{flag}: {problems:?}");

@@ -170,6 +170,7 @@ fn watched(text: &str, values: &[f64]) -> Monitors {
 fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
     // a = 0, 1, 3, 2, 5, 4 at 10 Hz.
     let a = [0.0, 1.0, 3.0, 2.0, 5.0, 4.0];
+    #[rustfmt::skip] // a table
     let cases: [(&str, f64, u64); 14] = [
         ("truth.a < 2", 2.0, 0),
         ("always[0s,0.3s](truth.a < 4)", 1.0, 2),
@@ -177,25 +178,13 @@ fn a_formula_has_the_robustness_of_a_calculation_by_hand() {
         ("always[0.05s,0.29s] truth.a >= 1", 0.0, 1), // steps 1 and 2
         ("always[100ms,200ms] truth.a > 1", -0.0, 1),
         ("eventually[0,0.2](truth.a >= 4)", -1.0, 2),
-        (
-            "eventually[100ms,300ms] always[0ms,200ms](truth.a > 1.5)",
-            0.5,
-            3,
-        ),
+        ("eventually[100ms,300ms] always[0ms,200ms](truth.a > 1.5)", 0.5, 3),
         ("not eventually (truth.a == 2)", -0.0, 3),
         ("truth.a < 4 until[0s,0.4s] truth.a > 2.5", 1.0, 2),
         ("truth.a < 2 until[0s,0.4s] truth.a > 4.5", -1.0, 2),
-        (
-            "always(rise(truth.a > 2.5) implies eventually[0s,100ms](truth.a < 2.5))",
-            -0.5,
-            3,
-        ),
+        ("always(rise(truth.a > 2.5) implies eventually[0s,100ms](truth.a < 2.5))", -0.5, 3),
         ("eventually[0.5s,0.5s] once[0.2s,0.3s] truth.a > 2", 1.0, 2),
-        (
-            "eventually[0.5s,0.5s] (truth.a > 1 since[0s,0.5s] truth.a >= 3)",
-            2.0,
-            4,
-        ),
+        ("eventually[0.5s,0.5s] (truth.a > 1 since[0s,0.5s] truth.a >= 3)", 2.0, 4),
         ("eventually[0.5s,0.5s] historically truth.a < 7", 2.0, 4),
     ];
     for (text, robustness, step) in cases {

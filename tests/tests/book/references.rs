@@ -352,20 +352,12 @@ fn exit_codes() -> String {
             meaning.clear();
         }
     }
+    #[rustfmt::skip] // a table
     let process = [
         (hil_session::program::COMPLETED, "completed"),
-        (
-            hil_session::program::DIVERGED,
-            "the plant left its range of validity",
-        ),
-        (
-            hil_session::program::UNUSABLE,
-            "a job that cannot be run as it is",
-        ),
-        (
-            hil_session::program::FAILED,
-            "the run ended otherwise; the log has the reason",
-        ),
+        (hil_session::program::DIVERGED, "the plant left its range of validity"),
+        (hil_session::program::UNUSABLE, "a job that cannot be run as it is"),
+        (hil_session::program::FAILED, "the run ended otherwise; the log has the reason"),
     ];
     page.push_str("\nA plant or controller process, yours included:\n\n| code | |\n|---|---|\n");
     for (code, meaning) in process {

@@ -65,27 +65,14 @@ fn changes_to_existing_cases_are_refused() {
     let rig = Rig::new();
     let hypercube = STUDY.replace("cases = 30", "cases = 30\nsampling = \"latin-hypercube\"");
     let grid = "schema = 1\nscenario = \"SCENARIO\"\nsampling = \"grid\"\n[[vary]]\nkey = \"plant.parameters.mass_kg\"\nkind = \"grid\"\nmin = 0.5\nmax = 2\npoints = 3\n";
-    for (name, text_of, cases, expected) in [
-        (
-            "plain",
-            STUDY,
-            "30",
-            "the campaign already has 30 draws, and draws are never removed",
-        ),
-        (
-            "plain",
-            STUDY,
-            "200000000",
-            "a whole number from 1 to 100000000",
-        ),
-        (
-            "hypercube",
-            &hypercube,
-            "60",
-            "a Latin hypercube divides the range of each value",
-        ),
+    #[rustfmt::skip] // a table
+    let rows = [
+        ("plain", STUDY, "30", "the campaign already has 30 draws, and draws are never removed"),
+        ("plain", STUDY, "200000000", "a whole number from 1 to 100000000"),
+        ("hypercube", &hypercube, "60", "a Latin hypercube divides the range of each value"),
         ("grid", grid, "60", "a grid has one draw per point"),
-    ] {
+    ];
+    for (name, text_of, cases, expected) in rows {
         let folder = rig.path(name);
         if !folder.exists() {
             planned(&rig, &study(&rig, text_of), name);

@@ -47,26 +47,16 @@ fn no_command_runs_programs_that_others_can_write() {
     let rig = Rig::new();
     let demo = Planned::demo(&rig);
     let hil = demo.join("programs/hil");
-    for (path, mode, reason) in [
+    #[rustfmt::skip] // a table
+    let cases = [
         (&hil, 0o777, "programs/hil can be written by others"),
-        (
-            &demo.join("programs"),
-            0o777,
-            "programs can be written by others",
-        ),
+        (&demo.join("programs"), 0o777, "programs can be written by others"),
         (&demo.folder, 0o777, "demo can be written by others"),
-        (
-            &demo.join("manifest.json"),
-            0o666,
-            "manifest.json can be written by others",
-        ),
-        (
-            &demo.join("scenario.toml"),
-            0o666,
-            "scenario.toml can be written by others",
-        ),
+        (&demo.join("manifest.json"), 0o666, "manifest.json can be written by others"),
+        (&demo.join("scenario.toml"), 0o666, "scenario.toml can be written by others"),
         (&hil, 0o4755, "runs as another user or group"),
-    ] {
+    ];
+    for (path, mode, reason) in cases {
         let before = std::fs::metadata(path).expect("there").permissions().mode();
         set(path, mode);
         refused(&rig, &demo, reason);

@@ -34,172 +34,89 @@ const CASES: [(&str, &str, &str); 13] = [
         "conditions that must hold for a while",
         "",
         r#"
-        [[faults]]
-        kind = "stuck"
-        when = "truth.position_m > 0.003"
-        for_s = 0.05
-        until = "truth.velocity_mps < 0"
-        until_for_s = 0.07
-        effects = [{ target = "measured.velocity_mps" }]
+        { kind = "stuck", when = "truth.position_m > 0.003", for_s = 0.05, until = "truth.velocity_mps < 0", until_for_s = 0.07, effects = [{ target = "measured.velocity_mps" }] },
         "#,
     ),
     (
         "one that follows another, and effects with a skew",
         "",
         r#"
-        [[faults]]
-        name = "first"
-        kind = "bias"
-        at_s = 0.2
-        effects = [
-          { target = "measured.position_m", bias = 1e-3 },
-          { target = "command.force_n", bias = 0.1, skew_s = 0.3 },
-        ]
-        [[faults]]
-        kind = "scale"
-        after = "first"
-        delay_s = 0.25
-        duration_s = 0.2
-        effects = [{ target = "reference.position_m", factor = 1.5, profile = { kind = "ramp", duration_s = 0.1 } }]
+        { name = "first", kind = "bias", at_s = 0.2, effects = [{ target = "measured.position_m", bias = 1e-3 }, { target = "command.force_n", bias = 0.1, skew_s = 0.3 }] },
+        { kind = "scale", after = "first", delay_s = 0.25, duration_s = 0.2, effects = [{ target = "reference.position_m", factor = 1.5, profile = { kind = "ramp", duration_s = 0.1 } }] },
         "#,
     ),
     (
         "faults that end after they acted often enough",
         "",
         r#"
-        [[faults]]
-        kind = "spike"
-        at_s = 0.1
-        occurrences = 3
-        effects = [{ target = "measured.position_m", amplitude = 0.01, period_s = 0.2, width_s = 0.05 }]
-        [[faults]]
-        kind = "message-loss"
-        at_s = 0.1
-        occurrences = 100
-        effects = [{ target = "link.sample", probability = 0.3 }]
+        { kind = "spike", at_s = 0.1, occurrences = 3, effects = [{ target = "measured.position_m", amplitude = 0.01, period_s = 0.2, width_s = 0.05 }] },
+        { kind = "message-loss", at_s = 0.1, occurrences = 100, effects = [{ target = "link.sample", probability = 0.3 }] },
         "#,
     ),
     (
         "messages under way in both directions",
         "",
         r#"
-        [[faults]]
-        kind = "message-delay"
-        at_s = 0.1
-        effects = [{ target = "link.sample", steps = 30, profile = { kind = "sine", frequency_hz = 3 } }]
-        [[faults]]
-        kind = "dropout"
-        at_s = 0.1
-        effects = [{ target = "measured.velocity_mps", profile = { kind = "intermittent", period_s = 0.01, duty = 0.5 } }]
-        [[faults]]
-        kind = "message-jitter"
-        at_s = 0.2
-        effects = [{ target = "link.sample", steps = 20 }]
-        [[faults]]
-        kind = "message-reordering"
-        at_s = 0.15
-        effects = [{ target = "link.command", probability = 0.5 }]
-        [[faults]]
-        kind = "message-duplication"
-        at_s = 0.25
-        effects = [{ target = "link.command", probability = 0.5, lag_steps = 25 }]
-        [[faults]]
-        kind = "message-corruption"
-        at_s = 0.3
-        effects = [{ target = "link.command", probability = 0.2, bits = 3 }]
+        { kind = "message-delay", at_s = 0.1, effects = [{ target = "link.sample", steps = 30, profile = { kind = "sine", frequency_hz = 3 } }] },
+        { kind = "dropout", at_s = 0.1, effects = [{ target = "measured.velocity_mps", profile = { kind = "intermittent", period_s = 0.01, duty = 0.5 } }] },
+        { kind = "message-jitter", at_s = 0.2, effects = [{ target = "link.sample", steps = 20 }] },
+        { kind = "message-reordering", at_s = 0.15, effects = [{ target = "link.command", probability = 0.5 }] },
+        { kind = "message-duplication", at_s = 0.25, effects = [{ target = "link.command", probability = 0.5, lag_steps = 25 }] },
+        { kind = "message-corruption", at_s = 0.3, effects = [{ target = "link.command", probability = 0.2, bits = 3 }] },
         "#,
     ),
     (
         "a medium that was late and is not any more",
         "",
         r#"
-        [[faults]]
-        kind = "message-delay"
-        at_s = 0.1
-        duration_s = 0.15
-        effects = [{ target = "link.sample", steps = 60 }]
-        [[faults]]
-        kind = "message-loss"
-        at_s = 0.12
-        duration_s = 0.3
-        effects = [{ target = "link.sample", pattern = [0, 1, 1] }]
+        { kind = "message-delay", at_s = 0.1, duration_s = 0.15, effects = [{ target = "link.sample", steps = 60 }] },
+        { kind = "message-loss", at_s = 0.12, duration_s = 0.3, effects = [{ target = "link.sample", pattern = [0, 1, 1] }] },
         "#,
     ),
     (
         "a controller that misses steps and takes its time",
         "command_delay_steps = 1",
         r#"
-        [[faults]]
-        kind = "skip"
-        at_s = 0.1
-        effects = [{ target = "controller", steps = 23, burst = 2, period_steps = 60 }]
-        [[faults]]
-        kind = "late"
-        at_s = 0.2
-        effects = [{ target = "controller", busy_us = 1, spread_us = 3 }]
+        { kind = "skip", at_s = 0.1, effects = [{ target = "controller", steps = 23, burst = 2, period_steps = 60 }] },
+        { kind = "late", at_s = 0.2, effects = [{ target = "controller", busy_us = 1, spread_us = 3 }] },
         "#,
     ),
     (
         "numbers that stand still, come late and come back",
         "",
         r#"
-        [[faults]]
-        kind = "stuck"
-        at_s = 0.1
-        effects = [{ target = "measured.position_m", profile = { kind = "intermittent", period_s = 0.2, duty = 0.6 } }]
-        [[faults]]
-        kind = "delay"
-        at_s = 0.15
-        effects = [{ target = "measured.velocity_mps", steps = 90 }]
-        [[faults]]
-        kind = "dropout"
-        at_s = 0.2
-        effects = [{ target = "command.force_n", profile = { kind = "intermittent", period_s = 0.3, duty = 0.5 } }]
+        { kind = "stuck", at_s = 0.1, effects = [{ target = "measured.position_m", profile = { kind = "intermittent", period_s = 0.2, duty = 0.6 } }] },
+        { kind = "delay", at_s = 0.15, effects = [{ target = "measured.velocity_mps", steps = 90 }] },
+        { kind = "dropout", at_s = 0.2, effects = [{ target = "command.force_n", profile = { kind = "intermittent", period_s = 0.3, duty = 0.5 } }] },
         "#,
     ),
     (
         "signals that are not valid",
         "",
         r#"
-        [[faults]]
-        kind = "dropout"
-        at_s = 0.1
-        effects = [{ target = "measured.position_m", profile = { kind = "intermittent", period_s = 0.16, duty = 0.5 } }]
+        { kind = "dropout", at_s = 0.1, effects = [{ target = "measured.position_m", profile = { kind = "intermittent", period_s = 0.16, duty = 0.5 } }] },
         "#,
     ),
     (
         "noise, twice on one signal",
         "",
         r#"
-        [[faults]]
-        kind = "noise"
-        at_s = 0.1
-        effects = [
-          { target = "measured.position_m", standard_deviation = 1e-4 },
-          { target = "measured.position_m", standard_deviation = 1e-5 },
-        ]
+        { kind = "noise", at_s = 0.1, effects = [{ target = "measured.position_m", standard_deviation = 1e-4 }, { target = "measured.position_m", standard_deviation = 1e-5 }] },
         "#,
     ),
     (
         "parameters that move and heal",
         "",
         r#"
-        [[faults]]
-        kind = "stiffness-loss"
-        at_s = 0.1
-        duration_s = 0.5
-        effects = [{ factor = 0.5, profile = { kind = "ramp", duration_s = 0.3 } }]
-        [[faults]]
-        kind = "noise"
-        at_s = 0.3
-        effects = [{ target = "parameter.disturbance_n", standard_deviation = 0.1 }]
+        { kind = "stiffness-loss", at_s = 0.1, duration_s = 0.5, effects = [{ factor = 0.5, profile = { kind = "ramp", duration_s = 0.3 } }] },
+        { kind = "noise", at_s = 0.3, effects = [{ target = "parameter.disturbance_n", standard_deviation = 0.1 }] },
         "#,
     ),
 ];
 
 /// Returns the scenario of a case.
 fn moving(controller: &str, faults: &str) -> String {
-    format!("{MOVING}\n[controller]\nlaw = \"pid\"\n{controller}\n{faults}")
+    format!("faults = [{faults}]\n{MOVING}\n[controller]\nlaw = \"pid\"\n{controller}\n")
 }
 
 #[test]

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 use super::stream::held;
 use super::{Panel, SCENARIO};
 use crate::support::company::Companion;
-use crate::support::harness::{Rig, Running};
+use crate::support::harness::{Rig, Run, Running};
 use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::python;
 
@@ -72,6 +72,29 @@ pub(super) fn begun<'r>(rig: &'r Rig, pace: &str, arguments: &[&str]) -> (Runnin
     rig.in_session("step 2499").expect(0);
     rig.until_held_at(2500);
     (run, panel)
+}
+
+/// Panel of a run that is paused before step 2500, after a browser script has ended.
+pub(super) struct Played<'r> {
+    pub(super) result: Value,
+    pub(super) panel: Panel,
+    run: Running<'r>,
+}
+
+impl<'r> Played<'r> {
+    /// Plays a script on the page of a panel; `None` without a browser.
+    pub(super) fn of(rig: &'r Rig, script: &str, arguments: &[&str]) -> Option<Self> {
+        let (run, panel) = begun(rig, "", arguments);
+        let result = Play::start(script, &panel.url)?.result();
+        Some(Self { result, panel, run })
+    }
+
+    /// Closes the panel and lets the run end.
+    pub(super) fn end(self, rig: &Rig) -> Run {
+        drop(self.panel);
+        rig.in_session("resume").expect(0);
+        self.run.finish()
+    }
 }
 
 /// Fails unless every curve of every visible plot has ink.
@@ -289,11 +312,10 @@ fn everything_can_be_done_without_a_pointer() {
 #[test]
 fn the_page_fits_a_phone_and_a_desktop_in_both_themes() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "", &["--inject", DROPOUT]);
-    let Some(play) = Play::start("looks", &panel.url) else {
+    let Some(played) = Played::of(&rig, "looks", &["--inject", DROPOUT]) else {
         return;
     };
-    let output = play.result();
+    let output = &played.result;
     for name in ["desk-light", "desk-dark", "phone-light", "phone-dark"] {
         let output = &output[name];
         assert_eq!(name.split_once('-').expect("a theme").1, output["theme"]);
@@ -301,19 +323,16 @@ fn the_page_fits_a_phone_and_a_desktop_in_both_themes() {
         assert_eq!(output["small"], json!([]), "{name}: too small for a finger");
         assert_drawn(&output["ink"]);
     }
-    drop(panel);
-    rig.in_session("resume").expect(0);
-    run.finish().expect(0);
+    played.end(&rig).expect(0);
 }
 
 #[test]
 fn two_browsers_show_each_others_actions() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "", &[]);
-    let Some(play) = Play::start("several", &panel.url) else {
+    let Some(played) = Played::of(&rig, "several", &[]) else {
         return;
     };
-    let output = play.result();
+    let output = &played.result;
     assert!(
         output["one"].as_str().expect("text").contains("dropout"),
         "{output}"
@@ -329,9 +348,7 @@ fn two_browsers_show_each_others_actions() {
     for later in ["other-log", "loaded-log"] {
         assert_eq!(output[later], output["log"], "{later}: {output}");
     }
-    drop(panel);
-    rig.in_session("resume").expect(0);
-    let summary = run.finish().summary();
+    let summary = played.end(&rig).summary();
     assert_eq!(summary["marks"][0]["text"], "from the other");
     assert_eq!(summary["faults"][0]["effective_step"], 2501);
 }
@@ -421,11 +438,10 @@ fn a_forwarded_connection_recovers_after_a_cut_with_the_missed_data() {
 #[test]
 fn a_browser_without_the_secret_and_a_foreign_page_get_nothing() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "", &[]);
-    let Some(play) = Play::start("strangers", &panel.url) else {
+    let Some(played) = Played::of(&rig, "strangers", &[]) else {
         return;
     };
-    let output = play.result();
+    let output = &played.result;
     for (name, part) in [("none", "has no secret"), ("false", "the secret is wrong")] {
         assert!(
             output[name].as_str().expect("text").contains(part),
@@ -438,7 +454,5 @@ fn a_browser_without_the_secret_and_a_foreign_page_get_nothing() {
         (&json!("refused"), &json!("refused")),
         "{output}"
     );
-    drop(panel);
-    rig.in_session("resume").expect(0);
-    run.finish().expect(0);
+    played.end(&rig).expect(0);
 }

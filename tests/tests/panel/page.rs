@@ -5,7 +5,7 @@ use std::path::Path;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use super::browser::{Play, begun};
+use super::browser::{Play, Played, begun};
 use super::stream::held;
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, Running};
@@ -91,11 +91,10 @@ fn the_pause_button_becomes_resume_in_place_and_keeps_the_focus() {
 #[test]
 fn window_theme_and_hidden_curves_survive_a_reload_and_corrupt_storage() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "", &[]);
-    let Some(play) = Play::start("reload", &panel.url) else {
+    let Some(played) = Played::of(&rig, "reload", &[]) else {
         return;
     };
-    let result = play.result();
+    let result = &played.result;
     let (first, chosen) = (&result["first"], &result["chosen"]);
     assert_eq!((&first[0], &first[2][0]), (&json!("light"), &json!("true")));
     assert_eq!(
@@ -106,7 +105,7 @@ fn window_theme_and_hidden_curves_survive_a_reload_and_corrupt_storage() {
     assert_eq!(result["ink"][0][0], 0, "the hidden curve stays hidden");
     let stored = result["held"].to_string();
     assert!(stored.contains("dark"), "{stored}");
-    assert!(!stored.contains(panel.secret()), "{stored}");
+    assert!(!stored.contains(played.panel.secret()), "{stored}");
     for garbage in ["text", "null", "number", "other", "list"] {
         assert_eq!(&result[format!("garbage {garbage}")], first, "{garbage}");
     }
@@ -116,9 +115,7 @@ fn window_theme_and_hidden_curves_survive_a_reload_and_corrupt_storage() {
         (&chosen[0], &chosen[2][0]),
         (&json!("dark"), &json!("false"))
     );
-    drop(panel);
-    rig.in_session("resume").expect(0);
-    run.finish().expect(0);
+    played.end(&rig).expect(0);
 }
 
 #[test]

@@ -9,7 +9,7 @@ use std::sync::mpsc::{Receiver, channel};
 
 use tempfile::TempDir;
 
-use crate::support::harness::WATCHDOG;
+use crate::support::harness::{Rig, Running, WATCHDOG};
 use crate::support::programs::{path_from, program, skip, works, workspace};
 
 /// Both hosts; removed when dropped.
@@ -128,6 +128,11 @@ impl Hosts {
     pub(crate) fn order(&mut self, order: &str) -> String {
         writeln!(self.orders, "{order}").expect("the wire listens");
         self.answer()
+    }
+
+    /// Starts a run whose controller is on the board.
+    pub(crate) fn start<'r>(&self, rig: &'r Rig, arguments: &str) -> Running<'r> {
+        rig.start_with(self.hil(), &format!("{arguments} --target board"))
     }
 
     /// Returns a `hil` at the desk.

@@ -24,7 +24,7 @@ fn a_hundred_runs_over_a_disturbed_wire_have_one_digest() {
     let here = rig.run(ALL_OF_IT).expect(0).summary();
     for seed in 0..100 {
         hosts.order(&format!("spoil 5 {seed}"));
-        let there = rig.start_with(hosts.hil(), &format!("{ALL_OF_IT} --target board"));
+        let there = hosts.start(&rig, ALL_OF_IT);
         assert_eq!(
             there.finish().expect(0).summary()["digest"],
             here["digest"],
@@ -44,7 +44,7 @@ fn the_papers_severe_leakage_over_a_disturbed_wire_has_its_digest() {
     let severe = "scenarios/severe-leakage.toml --no-record";
     let here = rig.run(severe).expect(0).summary();
     hosts.order("spoil 5 1");
-    let there = rig.start_with(hosts.hil(), &format!("{severe} --target board"));
+    let there = hosts.start(&rig, severe);
     assert_eq!(
         there.finish_late().expect(0).summary()["digest"],
         here["digest"]
@@ -64,10 +64,7 @@ fn two_hundred_random_cuts_cause_no_hang_and_no_stale_command() {
     let mut random = RandomStream::new(1, "cuts");
     let (mut whole, mut cut) = (0, 0);
     for number in 0..200 {
-        let running = rig.start_with(
-            hosts.hil(),
-            &format!("{paced} --wait-limit 1 --target board"),
-        );
+        let running = hosts.start(&rig, &format!("{paced} --wait-limit 1"));
         // Some cuts before the first step, most of them while steps are exchanged.
         if number % 8 > 0 {
             under_way(&rig);

@@ -47,10 +47,7 @@ fn over_a_wire_that_loses_duplicates_reorders_and_corrupts_the_digest_is_that_of
     let mut counts = vec![0; 6];
     for (percent, seed) in [(0, 0), (5, 1), (5, 2), (20, 3)] {
         hosts.order(&format!("spoil {percent} {seed}"));
-        let run = rig
-            .start_with(hosts.hil(), &format!("{SHORT} --target board"))
-            .finish()
-            .expect(0);
+        let run = hosts.start(&rig, SHORT).finish().expect(0);
         assert_eq!(
             run.summary()["digest"],
             here["digest"],
@@ -87,8 +84,7 @@ fn an_attacker_on_the_wire_cannot_inject_anything() {
     let rig = Rig::new();
     let here = rig.run(SHORT).expect(0).summary();
     hosts.order("intrude");
-    let run = rig.start_with(hosts.hil(), &format!("{SHORT} --target board"));
-    let run = run.finish().expect(0);
+    let run = hosts.start(&rig, SHORT).finish().expect(0);
     assert_eq!(run.summary()["digest"], here["digest"]);
     assert!(!log(&run).contains("no datagram"), "{}", log(&run));
     // In real time an accepted old sample would be answered, and the run not be repeatable.
@@ -108,9 +104,9 @@ fn frames_use_the_connection_while_a_firewall_blocks_datagrams() {
     };
     let rig = Rig::new();
     let here = rig.run(SHORT).expect(0).summary();
-    let held = format!("{SHORT} --pause-at 0.4 --target board");
+    let held = format!("{SHORT} --pause-at 0.4");
     hosts.order("block");
-    let running = rig.start_with(hosts.hil(), &held);
+    let running = hosts.start(&rig, &held);
     rig.until_held_at(400);
     log_until(running.folder(), "no datagrams get through");
     hosts.order("mend");
@@ -136,10 +132,7 @@ fn real_time_runs_with_bursts_of_loss_repeat_at_the_desk_with_the_same_digest() 
     let rig = Rig::new();
     // Slow enough for a busy machine to keep up, or the law loses the mass.
     let clock = "--set run.rate_hz=100 --clock realtime --set metrics=[] --set requirements=[]";
-    let there = rig.start_with(
-        hosts.hil(),
-        &format!("scenarios/spring-mass.toml {clock} --target board"),
-    );
+    let there = hosts.start(&rig, &format!("scenarios/spring-mass.toml {clock}"));
     under_way(&rig);
     hosts.order("spoil 2 1");
     for _ in 0..5 {
@@ -166,10 +159,7 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
         "--set run.duration_s=12 --clock realtime --wait-limit 60 --set metrics=[] --set requirements=[] \
          --set controller.law=hold --set controller.hold.value={HELD_N} --set plant.safe_command.force_n={SAFE_N}"
     );
-    let running = rig.start_with(
-        hosts.hil(),
-        &format!("scenarios/spring-mass.toml {clock} --target board"),
-    );
+    let running = hosts.start(&rig, &format!("scenarios/spring-mass.toml {clock}"));
     under_way(&rig);
     let mut last = 0;
     until("commands are put out", || {
@@ -226,10 +216,10 @@ fn a_cut_is_survived_or_named_and_leaves_the_board_clean() {
     let rig = Rig::new();
     let here = rig.run(SHORT).expect(0).summary();
     // A paused run cannot end before the cut, however slow the machine is.
-    let held = format!("{SHORT} --pause-at 0.4 --target board");
+    let held = format!("{SHORT} --pause-at 0.4");
     let last = "since step 399";
     // A cut shorter than the limit costs time; the controller stays the same.
-    let running = rig.start_with(hosts.hil(), &format!("{held} --wait-limit 60"));
+    let running = hosts.start(&rig, &format!("{held} --wait-limit 60"));
     rig.until_held_at(400);
     let there = hosts.left_on_board();
     let has = |what: &str| there.iter().any(|entry| entry.contains(what));
@@ -247,7 +237,7 @@ fn a_cut_is_survived_or_named_and_leaves_the_board_clean() {
     nothing_left_on_board(&hosts);
 
     // While paused the plant awaits no answer: only the bridge misses the board.
-    let running = rig.start_with(hosts.hil(), &held);
+    let running = hosts.start(&rig, &held);
     rig.until_held_at(400);
     hosts.order("cut");
     let folder = running.folder().to_owned();
@@ -262,7 +252,7 @@ fn a_cut_is_survived_or_named_and_leaves_the_board_clean() {
 
     // The same with a policy: the run continues without the controller.
     let policy = "--set run.on_controller_loss=hold";
-    let running = rig.start_with(hosts.hil(), &format!("{held} {policy}"));
+    let running = hosts.start(&rig, &format!("{held} {policy}"));
     rig.until_held_at(400);
     hosts.order("cut");
     rig.in_session("resume").expect(0);

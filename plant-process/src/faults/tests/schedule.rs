@@ -50,34 +50,17 @@ fn each_end_leaves_its_step_healthy() {
         condition: Some(when(expression, records)),
         ..none()
     };
+    #[rustfmt::skip] // a table
     let cases = [
-        (
-            FaultEnd {
-                step: Some(Step(5)),
-                ..none()
-            },
-            5,
-        ),
+        (FaultEnd { step: Some(Step(5)),..none() }, 5),
         (lasting(4), 6),
         // Evaluated from record 2 on, the first one with the fault.
         (condition("stimulus.r_m == 5", 1), 3),
         (condition("stimulus.r_m == 5", 3), 5),
         (condition("measured.a_m == 5", 1), 5),
         // The first of several.
-        (
-            FaultEnd {
-                step: Some(Step(7)),
-                ..lasting(6)
-            },
-            7,
-        ),
-        (
-            FaultEnd {
-                step: Some(Step(9)),
-                ..condition("sensed.a_m >= 5", 1)
-            },
-            6,
-        ),
+        (FaultEnd { step: Some(Step(7)),..lasting(6) }, 7),
+        (FaultEnd { step: Some(Step(9)),..condition("sensed.a_m >= 5", 1) }, 6),
     ];
     for (end, step) in cases {
         let label = format!("{end:?}");

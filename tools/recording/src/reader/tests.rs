@@ -120,23 +120,13 @@ fn a_recording_truncated_before_its_first_record_is_reported_as_cut_off() {
 
 #[test]
 fn steps_out_of_order_or_out_of_range_are_damage() {
-    for (name, steps, message) in [
-        (
-            "twice",
-            [3, 3],
-            "after 1 records: step 3, but expected step 4",
-        ),
-        (
-            "back",
-            [3, 2],
-            "after 1 records: step 2, but expected step 4",
-        ),
-        (
-            "huge",
-            [3, u64::MAX],
-            "after 1 records: step 18446744073709551615",
-        ),
-    ] {
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("twice", [3, 3], "after 1 records: step 3, but expected step 4"),
+        ("back", [3, 2], "after 1 records: step 2, but expected step 4"),
+        ("huge", [3, u64::MAX], "after 1 records: step 18446744073709551615"),
+    ];
+    for (name, steps, message) in cases {
         let contents = steps.map(|step| Content::Record(record(step, 0.0, 0.0)));
         let folder = recorded(&layout(), &contents, vec![]);
         let mut reader = RunReader::open(&folder).expect("opens");

@@ -67,24 +67,14 @@ fn each_record_must_be_of_the_next_step() {
             .collect()
     };
     assert_eq!(taken(Clock::Lockstep, some(&[0, 1, 2])).error, None);
-    for (steps, came, expected) in [
-        (
-            &[0, 1, 3, 4][..],
-            2,
-            "received a record of step 3 instead of step 2",
-        ),
-        (
-            &[0, 1, 1],
-            2,
-            "received a record of step 1 instead of step 2",
-        ),
-        (
-            &[0, 2, 1],
-            1,
-            "received a record of step 2 instead of step 1",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        (&[0, 1, 3, 4][..], 2, "received a record of step 3 instead of step 2"),
+        (&[0, 1, 1], 2, "received a record of step 1 instead of step 2"),
+        (&[0, 2, 1], 1, "received a record of step 2 instead of step 1"),
         (&[1], 0, "received a record of step 1 instead of step 0"),
-    ] {
+    ];
+    for (steps, came, expected) in cases {
         for clock in [
             Clock::Lockstep,
             Clock::Paced { factor: 1.0 },

@@ -114,23 +114,16 @@ fn a_time_window_includes_both_ends_and_decimation_starts_at_its_first_step() {
 #[test]
 fn signals_are_selected_by_name_and_by_pattern_in_the_requested_order() {
     let (run, folder) = a_run();
-    for (arguments, expected) in [
-        (
-            "--signal command.u_n --signal truth.x_m",
-            "command.u_n,truth.x_m",
-        ),
+    #[rustfmt::skip] // a table
+    let cases = [
+        ("--signal command.u_n --signal truth.x_m", "command.u_n,truth.x_m"),
         ("--signal *.x_m", "truth.x_m,measured.x_m,sensed.x_m"),
-        (
-            "--signal truth.* --signal *.x_m",
-            "truth.x_m,measured.x_m,sensed.x_m",
-        ),
+        ("--signal truth.* --signal *.x_m", "truth.x_m,measured.x_m,sensed.x_m"),
         ("--signal ?????.x_m", "truth.x_m"),
         ("--signal controller_ns", "controller_ns"),
-        (
-            "--signal truth.* --signal measured.* --validity",
-            "truth.x_m,measured.x_m,measured.x_m.valid",
-        ),
-    ] {
+        ("--signal truth.* --signal measured.* --validity", "truth.x_m,measured.x_m,measured.x_m.valid"),
+    ];
+    for (arguments, expected) in cases {
         let (header, _) = csv(&run, &folder, arguments);
         assert_eq!(header, format!("step,time_s,{expected}"), "{arguments}");
     }

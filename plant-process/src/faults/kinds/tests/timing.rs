@@ -29,24 +29,13 @@ fn a_late_side_is_busy_for_the_requested_time() {
 fn skips_act_on_the_samples_that_the_controller_processes() {
     // Parameters, profile, and the steps since its beginning at which it acts.
     type Case<'a> = (Parameters<'a>, &'a [f64], &'a [usize]);
+    #[rustfmt::skip] // a table
     let cases: &[Case<'_>] = &[
         (&[("steps", 3.0)], &[1.0; 20], &[0]),
         (&[("steps", 3.0), ("burst", 3.0)], &[1.0; 20], &[0, 4, 8]),
-        (
-            &[("steps", 1.0), ("period_steps", 5.0)],
-            &[0.1; 12],
-            &[0, 5, 10],
-        ),
-        (
-            &[("steps", 2.0), ("burst", 2.0), ("period_steps", 6.0)],
-            &[1.0; 12],
-            &[0, 3, 6, 9],
-        ),
-        (
-            &[("steps", 1.0), ("period_steps", 2.0)],
-            &[1.0, 1.0, 0.0, 1.0, 1.0],
-            &[0, 4],
-        ),
+        (&[("steps", 1.0), ("period_steps", 5.0)], &[0.1; 12], &[0, 5, 10]),
+        (&[("steps", 2.0), ("burst", 2.0), ("period_steps", 6.0)], &[1.0; 12], &[0, 3, 6, 9]),
+        (&[("steps", 1.0), ("period_steps", 2.0)], &[1.0, 1.0, 0.0, 1.0, 1.0], &[0, 4]),
     ];
     for (parameters, gains, expected) in cases {
         let mut skip = start("skip", parameters, &[]);
