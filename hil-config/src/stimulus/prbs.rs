@@ -96,9 +96,9 @@ mod tests {
     fn prime_factors(mut number: u64) -> Vec<u64> {
         let (mut factors, mut factor) = (Vec::new(), 2);
         while factor * factor <= number {
-            if number % factor == 0 {
+            if number.is_multiple_of(factor) {
                 factors.push(factor);
-                while number % factor == 0 {
+                while number.is_multiple_of(factor) {
                     number /= factor;
                 }
             }

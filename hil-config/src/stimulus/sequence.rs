@@ -98,7 +98,8 @@ impl Sequence {
                     (held, None)
                 }
             };
-            for order in 0..most {
+            let orders = 0..most;
+            for order in orders {
                 let mut scale = largest(&part.waveform, part.length_s, order);
                 if let Some(next) = next {
                     let other = largest(&next.waveform, next.length_s, order);

@@ -113,6 +113,10 @@ impl Check<'_> {
             ("sensors", then.sensors == now.sensors),
             ("actuators", then.actuators == now.actuators),
             ("controller.law", law.law == law_now.law),
+            (
+                "the given parameters of the law",
+                law.law != law_now.law || names(&law.parameters) == names(&law_now.parameters),
+            ),
             ("controller.made_for", law.made_for == law_now.made_for),
             ("connect", law.connections == law_now.connections),
             (
@@ -282,11 +286,12 @@ impl Check<'_> {
     }
 }
 
-/// Returns the settings that differ, by name.
+/// Lists the names of settings, in order.
 fn names(settings: &Settings) -> Vec<&String> {
     settings.0.keys().collect()
 }
 
+/// Returns the settings that differ, by name.
 fn changed<'a>(then: &'a Settings, now: &'a Settings) -> impl Iterator<Item = (&'a str, f64, f64)> {
     then.0.iter().filter_map(|(name, then)| {
         let (then, now) = (then.0, now.get(name)?);
