@@ -22,7 +22,7 @@ pub(crate) const NAME: &str = "null";
 const CALLED: &str = "called_ns";
 
 /// Plant that measures the value 1 and computes nothing.
-pub struct NullPlant;
+pub(crate) struct NullPlant;
 
 impl Model for NullPlant {
     fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {

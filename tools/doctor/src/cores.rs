@@ -75,7 +75,7 @@ impl CoreList {
 
     /// Returns the union of this list and another.
     #[must_use]
-    pub fn with(&self, other: &Self) -> Self {
+    pub(crate) fn with(&self, other: &Self) -> Self {
         self.0.union(&other.0).copied().collect()
     }
 }
@@ -146,7 +146,7 @@ impl Cores {
 
     /// Creates the cores of a test in which this process may use all of them.
     #[cfg(test)]
-    pub fn of(online: &str, chosen: &str) -> Self {
+    pub(crate) fn of(online: &str, chosen: &str) -> Self {
         Self {
             online: CoreList::parse(online),
             allowed: CoreList::parse(online),

@@ -50,7 +50,7 @@ use life::{Action, Event, Exit, Life};
 /// Share of the wait limit after which a silent target is given up: before the plant gives up, which knows no target.
 const SHARE: f64 = 0.9;
 /// Sample periods without a sample after which the output of a target is the safe command.
-pub const MISSED_PERIODS: u32 = 20;
+pub(crate) const MISSED_PERIODS: u32 = 20;
 /// Time between two signs of life through the channel, and two looks at what changes seldom.
 const SIGN_NS: u64 = 250_000_000;
 /// Time that a controller may take to stop.

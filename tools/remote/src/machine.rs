@@ -135,7 +135,7 @@ pub fn built_for(program: &Path) -> io::Result<Option<String>> {
 
 /// Returns the target of `cargo build` for static programs of a machine type.
 #[must_use]
-pub fn triple(machine: &str) -> Option<&'static str> {
+pub(crate) fn triple(machine: &str) -> Option<&'static str> {
     Some(match machine {
         "x86_64" => "x86_64-unknown-linux-musl",
         "aarch64" => "aarch64-unknown-linux-musl",

@@ -112,7 +112,7 @@ impl Class {
     ///
     /// # Errors
     /// If the kernel does not report it.
-    pub fn of_this_thread(tree: &dyn Tree) -> Result<Self, Unread> {
+    pub(crate) fn of_this_thread(tree: &dyn Tree) -> Result<Self, Unread> {
         const STAT: &str = "proc/thread-self/stat";
         let stat = tree.read(STAT)?;
         Self::parse(&stat).ok_or_else(|| Unread {
@@ -134,7 +134,7 @@ impl Class {
 
     /// Returns `true` if the class has precedence over all ordinary work.
     #[must_use]
-    pub const fn is_real_time(self) -> bool {
+    pub(crate) const fn is_real_time(self) -> bool {
         matches!(self.policy, 1 | 2 | 6)
     }
 }

@@ -36,7 +36,7 @@ mod settable;
 pub mod sides;
 mod start;
 mod status;
-pub mod tables;
+pub(crate) mod tables;
 mod values;
 
 /// Name of the model description in an archive.

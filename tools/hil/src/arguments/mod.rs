@@ -222,7 +222,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
 impl CommandLine {
     /// Parses the command line of this process; exits with a message if it is invalid.
     #[must_use]
-    pub fn of_process() -> Self {
+    pub(crate) fn of_process() -> Self {
         let typed = inject::arrange(std::env::args_os());
         let matches = command().try_get_matches_from(&typed);
         matches

@@ -8,7 +8,7 @@ use hil_facts::session::happening::Happening;
 
 /// Events of a run, merged from the stream and the recorder's account.
 #[derive(Debug, Default)]
-pub struct Log {
+pub(crate) struct Log {
     /// Events of the account received so far, then those only the stream has delivered.
     list: Vec<Happening>,
     known: usize,
@@ -20,7 +20,7 @@ pub struct Log {
 impl Log {
     /// Returns all events in order.
     #[must_use]
-    pub fn list(&self) -> &[Happening] {
+    pub(crate) fn list(&self) -> &[Happening] {
         &self.list
     }
 

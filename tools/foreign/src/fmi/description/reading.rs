@@ -49,7 +49,10 @@ impl ModelDescription {
     ///
     /// # Errors
     /// See [`decode`](Self::decode); also if such a parameter does not exist.
-    pub fn resized(bytes: &[u8], sizes: &BTreeMap<String, u64>) -> Result<Self, DescriptionError> {
+    pub(crate) fn resized(
+        bytes: &[u8],
+        sizes: &BTreeMap<String, u64>,
+    ) -> Result<Self, DescriptionError> {
         Self::with_sizes(&decoded(bytes)?, sizes)
     }
 
