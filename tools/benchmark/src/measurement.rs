@@ -94,7 +94,6 @@ pub struct Limits {
 
 impl Looped {
     /// Returns the mean duration of a step, in ns.
-    #[must_use]
     pub(crate) fn step_ns(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.span_ns?;
         let steps = self.latency.steps().checked_sub(1)?;

@@ -64,7 +64,6 @@ impl Drawn {
     }
 
     /// Converts the value to a table cell.
-    #[must_use]
     pub(crate) fn cell(&self) -> Cell {
         match self {
             Self::Number(value) | Self::Whole(value) | Self::Item(Item::Number(value, _)) => {
@@ -133,7 +132,6 @@ impl Draws {
     }
 
     /// Returns the draw and the variant of a case: the cases of one draw, one per variant, are consecutive.
-    #[must_use]
     pub(crate) fn of_case(&self, case: u64) -> (u64, usize) {
         let variants = self.study.variants.len() as u64;
         let variant = usize::try_from(case % variants).unwrap_or_default();
@@ -141,7 +139,6 @@ impl Draws {
     }
 
     /// Draws `run.seed` of a draw.
-    #[must_use]
     pub(crate) fn seed(&self, draw: u64) -> u64 {
         let path = format!("campaign/run.seed/{draw}");
         (RandomStream::new(self.study.seed, &path).uniform() * SEEDS) as u64
@@ -180,14 +177,12 @@ impl Draws {
     }
 
     /// Returns the `--set` flags that turn the scenario into a case, in the order of application.
-    #[must_use]
     pub(crate) fn flags(&self, case: u64) -> Vec<String> {
         let (draw, variant) = self.of_case(case);
         self.flags_of(variant, self.seed(draw), &self.values(draw))
     }
 
     /// Returns the seed of a case with these values: the study's own if it sets one, otherwise the drawn one.
-    #[must_use]
     pub(crate) fn seed_of(&self, variant: usize, drawn: u64, values: &[Drawn]) -> u64 {
         let flags = self.flags_of(variant, drawn, values);
         let own_seed = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
@@ -198,7 +193,6 @@ impl Draws {
     }
 
     /// Returns the flags of a case with these values.
-    #[must_use]
     pub(crate) fn flags_of(&self, variant: usize, seed: u64, values: &[Drawn]) -> Vec<String> {
         let study = &self.study;
         let mut flags = study.set.clone();

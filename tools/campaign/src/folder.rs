@@ -86,7 +86,6 @@ impl Folder {
     }
 
     /// Returns `true` if the manifest has a check sum, so that the campaign's identity can be relied on.
-    #[must_use]
     pub(crate) const fn is_sealed(&self) -> bool {
         self.is_sealed
     }
@@ -98,7 +97,6 @@ impl Folder {
     }
 
     /// Returns `true` if `id` identifies this campaign or one that it grew from, so that its results are valid here.
-    #[must_use]
     pub(crate) fn has_results_of(&self, id: &str) -> bool {
         self.id == id || self.manifest.grown.iter().any(|stage| stage.id == id)
     }

@@ -197,7 +197,6 @@ impl Journal {
     }
 
     /// Returns the host of the attempt.
-    #[must_use]
     pub(crate) fn host(&self) -> &str {
         &self.host
     }

@@ -183,7 +183,6 @@ impl Manifest {
     }
 
     /// Returns the index of a column of results.
-    #[must_use]
     pub(crate) fn place(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
@@ -201,14 +200,12 @@ impl Manifest {
     }
 
     /// Returns the number of shards.
-    #[must_use]
     pub(crate) fn shards(&self) -> u64 {
         let extents = self.extents();
         extents.map(|(cases, size)| shards_of(&cases, size)).sum()
     }
 
     /// Returns the cases of a shard; empty for a shard that does not exist.
-    #[must_use]
     pub(crate) fn cases_of(&self, shard: u64) -> Range<u64> {
         let mut before = 0;
         for (cases, size) in self.extents() {
@@ -224,7 +221,6 @@ impl Manifest {
     }
 
     /// Returns the shard of a case.
-    #[must_use]
     pub(crate) fn shard_of(&self, case: u64) -> u64 {
         let extents = self.extents().map(|(cases, size)| match case {
             case if case < cases.start => 0,
@@ -235,7 +231,6 @@ impl Manifest {
     }
 
     /// Counts the cases of the given shards.
-    #[must_use]
     pub(crate) fn count(&self, shards: &[u64]) -> u64 {
         let cases = shards.iter().map(|shard| self.cases_of(*shard));
         cases.map(|cases| cases.end - cases.start).sum()
@@ -252,7 +247,6 @@ impl Manifest {
     }
 
     /// Returns the copies of plant and controller program for a case in two processes, if they exist.
-    #[must_use]
     pub(crate) fn both(&self) -> Option<[&Copied; 2]> {
         match (&self.plant, &self.controller, &self.pair) {
             (Some(plant), Some(controller), _) | (_, _, Some([plant, controller])) => {
@@ -268,7 +262,6 @@ const fn shards_of(cases: &Range<u64>, size: u64) -> u64 {
 }
 
 /// Describes the differences between two manifests for a person.
-#[must_use]
 pub(crate) fn differences(one: &Manifest, other: &Manifest) -> Vec<String> {
     let copied = |file: Option<&Copied>| file.map_or("none".into(), |file| file.blake3.clone());
     let pairs = [

@@ -9,7 +9,6 @@ pub(crate) struct Order(Vec<u128>);
 
 impl Order {
     /// Sorts values.
-    #[must_use]
     pub(crate) fn of(values: &[f64]) -> Self {
         let places = values.iter().map(|value| u128::from(key(*value))).zip(0..);
         let mut order: Vec<u128> = places.map(|(key, place)| key << PLACE | place).collect();
@@ -26,7 +25,6 @@ impl Order {
     ///
     /// `r = (first + last) / 2` over the positions of equal values in ascending order (M. G. Kendall, Rank
     /// Correlation Methods, 4th ed. 1970, chapter 3; valid for any values).
-    #[must_use]
     pub(crate) fn ranks(&self) -> Vec<f64> {
         let mut ranks = vec![0.0; self.0.len()];
         let mut before = 0;
@@ -49,7 +47,6 @@ const fn place(one: u128) -> usize {
 }
 
 /// Ranks of values, as [`Order::ranks`] computes them.
-#[must_use]
 pub(crate) fn ranks(values: &[f64]) -> Vec<f64> {
     Order::of(values).ranks()
 }
@@ -65,7 +62,6 @@ pub fn spearman(x: &[f64], y: &[f64]) -> Option<f64> {
 }
 
 /// [`spearman`]'s correlation of two series given as [`ranks`], for series that occur in several pairs.
-#[must_use]
 pub(crate) fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
     if x.len() != y.len() || x.len() < 3 {
         return None;
@@ -96,7 +92,6 @@ pub(crate) fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
 const ROUNDING: f64 = 1e-6;
 
 /// Returns `true` if finite values differ by no more than rounding: by at most a millionth of the largest magnitude.
-#[must_use]
 pub(crate) fn is_rounding(values: &[f64]) -> bool {
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
     for value in values.iter().copied().filter(|value| value.is_finite()) {

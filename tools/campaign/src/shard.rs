@@ -100,7 +100,6 @@ impl<'a> Shard<'a> {
     }
 
     /// Returns `true` if the shard has a result.
-    #[must_use]
     pub(crate) fn is_published(&self) -> bool {
         self.result().exists()
     }

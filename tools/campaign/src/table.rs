@@ -51,7 +51,6 @@ pub struct Column {
 
 impl Column {
     /// Makes a column without a unit.
-    #[must_use]
     pub(crate) fn new(name: &str, kind: ColumnKind) -> Self {
         Self {
             name: name.into(),

@@ -58,7 +58,6 @@ pub struct Finding {
 
 impl Check {
     /// Creates a check with its name and the reason why it matters.
-    #[must_use]
     pub(crate) const fn new(name: &'static str, why: &'static str) -> Self {
         Self { name, why }
     }

@@ -36,7 +36,6 @@ pub struct Root(PathBuf);
 
 impl Root {
     /// Creates the tree of the files below a folder.
-    #[must_use]
     pub(crate) fn new(folder: &Path) -> Self {
         Self(folder.to_owned())
     }

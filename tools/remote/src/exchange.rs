@@ -215,13 +215,11 @@ impl DeskEnd {
     }
 
     /// Returns the number of the last frame passed to the plant.
-    #[must_use]
     pub(crate) const fn heard(&self) -> u64 {
         self.ends.heard
     }
 
     /// Returns `true` while the plant's newest frame is unanswered.
-    #[must_use]
     pub(crate) fn awaits_answer(&self) -> bool {
         self.wants_answer || !self.ends.is_heard()
     }
@@ -251,7 +249,6 @@ impl TargetEnd {
     }
 
     /// Returns `true` if a frame is newer than those passed to the controller.
-    #[must_use]
     pub(crate) const fn is_news(&self, frame: &Numbered) -> bool {
         frame.number > self.ends.heard
     }
@@ -307,19 +304,16 @@ impl TargetEnd {
     }
 
     /// Returns `true` if the desk has not confirmed the controller's newest frame.
-    #[must_use]
     pub(crate) fn has_unheard(&self) -> bool {
         !self.ends.is_heard()
     }
 
     /// Returns the number of the last frame passed to the controller.
-    #[must_use]
     pub(crate) const fn heard(&self) -> u64 {
         self.ends.heard
     }
 
     /// Returns the number of the controller's last frame.
-    #[must_use]
     pub(crate) fn said(&self) -> u64 {
         self.ends.said()
     }

@@ -171,14 +171,12 @@ pub(crate) enum ToDesk {
 }
 
 /// Returns the facts about a session that both ends must agree on; the handshake fails otherwise.
-#[must_use]
 pub(crate) fn prologue(blake3: &str, job: &str, epoch: u32) -> Vec<u8> {
     let job = blake3::hash(job.as_bytes()).to_hex();
     format!("hil-target {PROTOCOL} desk-target {epoch} {blake3} {job}").into_bytes()
 }
 
 /// Formats bytes as hexadecimal digits.
-#[must_use]
 pub(crate) fn to_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

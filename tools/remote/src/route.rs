@@ -93,7 +93,6 @@ enum DeskState {
 
 impl DeskRoute {
     /// Creates the route of a run, with or without a socket for datagrams.
-    #[must_use]
     pub(crate) const fn new(has_socket: bool) -> Self {
         let state = if has_socket {
             DeskState::Unknown
@@ -165,7 +164,6 @@ impl DeskRoute {
     }
 
     /// Returns the carriers of the next packet.
-    #[must_use]
     pub(crate) const fn carriers(&self) -> Carriers {
         Carriers {
             datagram: !matches!(self.state, DeskState::NoSocket),
@@ -185,7 +183,6 @@ pub(crate) struct TargetRoute {
 
 impl TargetRoute {
     /// Creates the route of a run.
-    #[must_use]
     pub(crate) fn new() -> Self {
         Self::default()
     }
@@ -203,7 +200,6 @@ impl TargetRoute {
     }
 
     /// Returns `true` if frames of the desk arrive as datagrams.
-    #[must_use]
     pub(crate) fn hears_datagrams(&self, now_ns: u64) -> bool {
         let is_fresh = |proof_ns| now_ns.saturating_sub(proof_ns) <= PROOF_NS;
         self.proof_ns.is_some_and(is_fresh)
@@ -211,7 +207,6 @@ impl TargetRoute {
 
     /// Returns the carriers of the reply to a packet without news for the controller; `has_frame` if the reply
     /// repeats the controller's newest frame.
-    #[must_use]
     pub(crate) fn of_reply(&self, to: Carrier, has_frame: bool, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);
         Carriers {
@@ -222,7 +217,6 @@ impl TargetRoute {
     }
 
     /// Returns the carriers of the controller's answer to the frame with this number.
-    #[must_use]
     pub(crate) fn of_answer(&self, heard: u64, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);
         Carriers {

@@ -41,7 +41,6 @@ impl Key {
     }
 
     /// Returns the key as hexadecimal digits, for its file or the channel.
-    #[must_use]
     pub(crate) fn to_hex(&self) -> String {
         blake3::Hash::from_bytes(self.0).to_hex().to_string()
     }

@@ -195,7 +195,6 @@ impl Recorder {
     }
 
     /// Returns the step after the last one recorded.
-    #[must_use]
     pub(crate) fn next_step(&self) -> u64 {
         self.shared.next_step.load(Ordering::Relaxed)
     }
@@ -207,13 +206,11 @@ impl Recorder {
     }
 
     /// Returns the queue for queries about the state of the requirements.
-    #[must_use]
     pub(crate) fn board(&self) -> Arc<Board> {
         Arc::clone(&self.shared.board)
     }
 
     /// Returns the changes of controllers after the first `known` ones.
-    #[must_use]
     pub(crate) fn changes_after(&self, known: usize) -> Vec<ControllerChange> {
         let changes = self.shared.changes.lock();
         let changes = changes.unwrap_or_else(PoisonError::into_inner);
@@ -221,7 +218,6 @@ impl Recorder {
     }
 
     /// Returns `true` if recording failed, so that the run should stop.
-    #[must_use]
     pub(crate) fn has_failed(&self) -> bool {
         self.shared.failed.load(Ordering::Acquire)
     }

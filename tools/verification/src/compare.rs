@@ -225,13 +225,11 @@ impl Comparison {
     }
 
     /// Returns the digest of the first run.
-    #[must_use]
     pub(crate) fn digest_of_a(&self) -> &str {
         &self.a.digest
     }
 
     /// Returns the first difference.
-    #[must_use]
     pub(crate) const fn first_difference(&self) -> Option<&Difference> {
         self.first_difference.as_ref()
     }

@@ -161,7 +161,6 @@ impl RecordedScenario {
     }
 
     /// Returns `true` if the controller could be late.
-    #[must_use]
     pub(crate) fn is_against_clock(&self) -> bool {
         self.recorded.plan.run.clock == Clock::Realtime
     }

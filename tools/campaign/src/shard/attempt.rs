@@ -109,13 +109,11 @@ impl<'a> Attempt<'a> {
     }
 
     /// Returns `true` if the row of the case is available.
-    #[must_use]
     pub(crate) fn has(&self, case: u64) -> bool {
         self.rows.contains_key(&case)
     }
 
     /// Returns the number of workers that died while running the case.
-    #[must_use]
     pub(crate) fn tries(&self, case: u64) -> u64 {
         self.tries.get(&case).copied().unwrap_or_default()
     }
@@ -222,7 +220,6 @@ impl<'a> Attempt<'a> {
 
 /// Returns the first column in which two rows of a case differ; `by` names the origin of the second row. A case that
 /// was set aside contradicts nothing.
-#[must_use]
 pub(crate) fn difference(
     first: &Row,
     second: &Row,

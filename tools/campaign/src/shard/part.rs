@@ -24,7 +24,6 @@ pub(crate) struct Part {
 }
 
 /// Returns the columns of the circumstances of a row.
-#[must_use]
 pub(crate) fn circumstance_columns() -> Vec<Column> {
     let seconds = Column {
         unit: "s".into(),
@@ -162,7 +161,6 @@ impl Part {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
     pub(crate) fn circumstances_of(&self, place: usize) -> Circumstances {
         let of = &self.columns[self.results..];
         Circumstances {

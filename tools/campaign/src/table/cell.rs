@@ -29,7 +29,6 @@ impl Cell {
     }
 
     /// Returns the number, or `None` for other kinds.
-    #[must_use]
     pub(crate) const fn as_number(&self) -> Option<f64> {
         match self {
             Self::Number(value) => Some(*value),
@@ -38,7 +37,6 @@ impl Cell {
     }
 
     /// Returns the text; empty for other kinds.
-    #[must_use]
     pub(crate) fn as_text(&self) -> &str {
         match self {
             Self::Text(text) => text,
@@ -47,7 +45,6 @@ impl Cell {
     }
 
     /// Returns the count; 0 for other kinds.
-    #[must_use]
     pub(crate) const fn as_count(&self) -> u64 {
         match self {
             Self::Count(count) => *count,
@@ -109,7 +106,6 @@ mod bits {
 }
 
 /// Returns `true` if the cells have the kinds of these columns.
-#[must_use]
 pub(crate) fn fits(row: &[Cell], columns: &[Column]) -> bool {
     row.iter()
         .map(Cell::kind)

@@ -17,7 +17,6 @@ pub(crate) struct Table {
 
 impl Table {
     /// Returns a metadata entry of the table by its key.
-    #[must_use]
     pub(crate) fn fact(&self, key: &str) -> Option<&str> {
         let entry = self.facts.iter().find(|fact| fact.key == key)?;
         entry.value.as_deref()

@@ -20,7 +20,6 @@ const END: [u8; 4] = *b"PAR1";
 const END_BYTES: u64 = 8;
 
 /// Returns the metadata entry, as key and value, that reserves space for the check sum.
-#[must_use]
 pub(crate) fn unsealed() -> (&'static str, String) {
     ("sum", format!("{WORD}{}", "0".repeat(DIGITS)))
 }

@@ -58,7 +58,6 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
     pub(crate) fn count(&self, row: usize) -> u64 {
         match self {
             Self::Counts(values) => values[row],
@@ -82,7 +81,6 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
     pub(crate) fn text(&self, row: usize) -> &str {
         match self {
             Self::Texts(values) => values.get(row),
@@ -94,7 +92,6 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
     pub(crate) fn cell(&self, row: usize) -> Cell {
         match self {
             Self::Counts(values) => Cell::Count(values[row]),

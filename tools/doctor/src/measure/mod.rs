@@ -22,7 +22,6 @@ use super::finding::Grade;
 use super::tree::{Tree, Unread};
 
 /// Grades the longest delay by the limits customary among users of LinuxCNC.
-#[must_use]
 pub(crate) const fn jitter_grade(longest_ns: u64) -> Grade {
     match longest_ns {
         0..EXCELLENT_BELOW_NS => Grade::Good,

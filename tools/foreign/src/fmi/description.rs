@@ -296,7 +296,6 @@ pub struct Variable {
 
 impl Variable {
     /// Formats values of items as text.
-    #[must_use]
     pub(crate) fn items_text(items: &[f64]) -> String {
         let items: Vec<String> = items.iter().map(f64::to_string).collect();
         items.join(", ")
@@ -304,7 +303,6 @@ impl Variable {
 
     /// Returns the smallest and largest value allowed by its type and its own bounds. Bounds in the wrong order are
     /// ignored.
-    #[must_use]
     pub(crate) fn bounds(&self) -> (f64, f64) {
         let (low, high) = (self.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
         let is_range = (self.min.zip(self.max)).is_none_or(|(min, max)| min <= max);
@@ -314,14 +312,12 @@ impl Variable {
     }
 
     /// Returns `true` if it is a number and a parameter whose value the model does not tell.
-    #[must_use]
     pub(crate) fn lacks_start(&self) -> bool {
         let has_start = self.is_resized || self.start.len() == self.elements();
         self.causality == Causality::Parameter && self.kind.range().is_some() && !has_start
     }
 
     /// Returns `true` if the variable is not needed from outside.
-    #[must_use]
     pub(crate) const fn is_inner(&self) -> bool {
         matches!(
             self.causality,
@@ -330,13 +326,11 @@ impl Variable {
     }
 
     /// Returns the number of elements.
-    #[must_use]
     pub(crate) fn elements(&self) -> usize {
         self.dimensions.iter().product()
     }
 
     /// Returns the name of an element: `x` for a scalar, `x[2,1]` for a matrix, whose last index varies fastest.
-    #[must_use]
     pub(crate) fn element_name(&self, element: usize) -> String {
         if self.dimensions.is_empty() {
             return self.name.clone();

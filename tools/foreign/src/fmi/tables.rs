@@ -145,7 +145,6 @@ impl Tables {
 
     /// Returns the inputs as a controller has them: measured signals, and reference signals under the names of
     /// stimuli.
-    #[must_use]
     pub(crate) fn split_inputs(&self) -> (Vec<Field>, Vec<Field>) {
         let (mut measured, mut reference) = (Vec::new(), Vec::new());
         for column in &self.inputs {

@@ -46,7 +46,6 @@ pub struct Tolerances {
 
 impl Tolerances {
     /// Collects the typed tolerances; the last one for a signal wins.
-    #[must_use]
     pub(crate) fn typed(tolerances: &[Tolerance]) -> Self {
         let mut typed = Self::default();
         for Tolerance { signal, value } in tolerances {
@@ -64,7 +63,6 @@ impl Tolerances {
     }
 
     /// Replaces the names of signals.
-    #[must_use]
     pub(crate) fn renamed(&self, rename: impl Fn(&str) -> String) -> Self {
         let of = self.of.iter();
         Self {

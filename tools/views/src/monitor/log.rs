@@ -19,19 +19,16 @@ pub(crate) struct Log {
 
 impl Log {
     /// Returns all events in order.
-    #[must_use]
     pub(crate) fn list(&self) -> &[Happening] {
         &self.list
     }
 
     /// Returns the number of events received from the account.
-    #[must_use]
     pub(crate) const fn known(&self) -> usize {
         self.known
     }
 
     /// Returns a counter that changes when an event is inserted before existing ones, so that readers start over.
-    #[must_use]
     pub(crate) const fn edition(&self) -> u32 {
         self.edition
     }

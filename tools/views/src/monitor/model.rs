@@ -103,7 +103,6 @@ pub(crate) struct Model {
 
 impl Model {
     /// Creates the model of a session of which nothing has been observed yet.
-    #[must_use]
     pub(crate) fn new(
         session: &str,
         run_dir: Option<PathBuf>,
@@ -306,7 +305,6 @@ impl Model {
     }
 
     /// Returns the newest known step.
-    #[must_use]
     pub(crate) fn step(&self) -> Option<u64> {
         let reported = self.status.as_ref().map(|status| status.step);
         // The last record of a paused run is some steps older.
@@ -318,31 +316,26 @@ impl Model {
     }
 
     /// Returns the step of the newest record.
-    #[must_use]
     pub(crate) const fn seen(&self) -> Option<u64> {
         self.step
     }
 
     /// Returns the first observed step, unless it was the first of the run.
-    #[must_use]
     pub(crate) fn joined_late(&self) -> Option<u64> {
         self.joined.filter(|step| *step > 0)
     }
 
     /// Returns `true` while the plant holds the run.
-    #[must_use]
     pub(crate) fn is_paused(&self) -> bool {
         self.status.as_ref().is_some_and(|status| status.paused)
     }
 
     /// Returns the end of the run, if it has ended.
-    #[must_use]
     pub(crate) const fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
     }
 
     /// Returns `starting`, `running`, `paused` or `ended`.
-    #[must_use]
     pub(crate) fn state(&self) -> &'static str {
         if self.ending.is_some() {
             "ended"
@@ -356,14 +349,12 @@ impl Model {
     }
 
     /// Returns the simulated seconds per wall-clock second.
-    #[must_use]
     pub(crate) fn speed(&self, now_ns: u64) -> Option<f64> {
         let steps_per_s = self.pace.steps_per_s(now_ns)?;
         Some(steps_per_s / self.rate().hz())
     }
 
     /// Returns the speed and the round trips.
-    #[must_use]
     pub(crate) const fn pace(&self) -> &Pace {
         &self.pace
     }
@@ -381,19 +372,16 @@ impl Model {
     }
 
     /// Returns the history of a drawn signal.
-    #[must_use]
     pub(crate) fn history(&self, signal: usize) -> Option<&History> {
         self.trace(signal).map(|trace| &trace.history)
     }
 
     /// Returns the number of observed changes of values and of controllers.
-    #[must_use]
     pub(crate) const fn retunings(&self) -> u64 {
         self.retunings
     }
 
     /// Returns the columns of the panel's readings; empty for those of the plots.
-    #[must_use]
     pub(crate) fn readings(&self) -> &[usize] {
         &self.readings
     }
@@ -447,13 +435,11 @@ impl Model {
     }
 
     /// Returns `true` if the stream was observed from the beginning of the run without a loss.
-    #[must_use]
     pub(crate) const fn has_seen_all(&self) -> bool {
         self.lost == 0 && matches!(self.joined, Some(0))
     }
 
     /// Returns the event log.
-    #[must_use]
     pub(crate) const fn log(&self) -> &Log {
         &self.log
     }

@@ -30,7 +30,6 @@ pub enum Grade {
 
 impl Grade {
     /// Returns the grade of a latency.
-    #[must_use]
     pub(crate) const fn of(ns: u64) -> Self {
         match ns {
             0..EXCELLENT_BELOW_NS => Self::Excellent,
@@ -82,7 +81,6 @@ pub enum Leg {
 impl Graded {
     /// Grades steps by their round trips, the number of those without a command, and their releases; `None` if no
     /// command arrived.
-    #[must_use]
     pub(crate) fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {
         const SHARE: f64 = 0.9999;
         let round_trip_ns = round_trip.at_quantile_with_longer(SHARE, without_command);

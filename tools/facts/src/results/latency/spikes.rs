@@ -100,7 +100,6 @@ impl Spike {
     }
 
     /// Describes step, delay of its sample, and thread events.
-    #[must_use]
     pub(crate) fn describe_release(&self) -> String {
         let (step, late) = (self.step, shown_ns(self.late_ns));
         format!("step {step}, {late} late; {}", self.surroundings())
@@ -235,7 +234,6 @@ impl Spikes {
     }
 
     /// Returns the worst steps, longest first.
-    #[must_use]
     pub(crate) fn worst(&self) -> &[Spike] {
         &self.worst
     }
