@@ -3,17 +3,17 @@
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `HIL_API`: version of the header.
-pub(crate) const API: u32 = 1;
+pub const API: u32 = 1;
 /// `HIL_FAULTABLE`.
-pub(crate) const FAULTABLE: c_uint = 1;
+pub const FAULTABLE: c_uint = 1;
 /// `HIL_TUNABLE`.
-pub(crate) const TUNABLE: c_uint = 2;
+pub const TUNABLE: c_uint = 2;
 /// `HIL_OK`.
-pub(crate) const OK: c_int = 0;
+pub const OK: c_int = 0;
 /// `HIL_DIVERGED`.
-pub(crate) const DIVERGED: c_int = 1;
+pub const DIVERGED: c_int = 1;
 /// `HIL_FAILED`.
-pub(crate) const FAILED: c_int = 2;
+pub const FAILED: c_int = 2;
 
 /// `hil_parameter`.
 #[derive(Debug)]
@@ -102,29 +102,27 @@ pub struct Sample {
 }
 
 /// Callback that reads a row.
-pub(crate) type TakeRow = unsafe extern "C" fn(*mut c_void, *const f64) -> c_int;
+pub type TakeRow = unsafe extern "C" fn(*mut c_void, *const f64) -> c_int;
 /// Callback that writes a row.
-pub(crate) type WriteRow = unsafe extern "C" fn(*const c_void, *mut f64) -> c_int;
+pub type WriteRow = unsafe extern "C" fn(*const c_void, *mut f64) -> c_int;
 /// Callback that writes the true state.
-pub(crate) type WriteTruth =
-    unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64) -> c_int;
+pub type WriteTruth = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64) -> c_int;
 /// Callback that integrates.
-pub(crate) type Advance = unsafe extern "C" fn(*mut c_void, *const Interval, *const f64) -> c_int;
+pub type Advance = unsafe extern "C" fn(*mut c_void, *const Interval, *const f64) -> c_int;
 /// Callback that starts a law.
-pub(crate) type StartLaw = unsafe extern "C" fn(*mut c_void, *const Setup) -> c_int;
+pub type StartLaw = unsafe extern "C" fn(*mut c_void, *const Setup) -> c_int;
 /// Callback that applies new parameters to a law.
-pub(crate) type RetuneLaw = unsafe extern "C" fn(*mut c_void, *const Setup, c_int);
+pub type RetuneLaw = unsafe extern "C" fn(*mut c_void, *const Setup, c_int);
 /// Callback that computes the answer to a sample.
-pub(crate) type Answer =
-    unsafe extern "C" fn(*mut c_void, *const Sample, *mut f64, *mut f64) -> c_int;
+pub type Answer = unsafe extern "C" fn(*mut c_void, *const Sample, *mut f64, *mut f64) -> c_int;
 /// Callback that saves the state.
-pub(crate) type Save = unsafe extern "C" fn(*const c_void, *mut c_void) -> c_int;
+pub type Save = unsafe extern "C" fn(*const c_void, *mut c_void) -> c_int;
 /// Callback that restores a state.
-pub(crate) type Restore = unsafe extern "C" fn(*mut c_void, *const c_void) -> c_int;
+pub type Restore = unsafe extern "C" fn(*mut c_void, *const c_void) -> c_int;
 /// Callback that frees resources after the last call.
-pub(crate) type End = unsafe extern "C" fn(*mut c_void);
+pub type End = unsafe extern "C" fn(*mut c_void);
 /// Callback that computes derivatives for the integrator.
-pub(crate) type Rates = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64);
+pub type Rates = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64);
 
 /// `hil_plant`.
 #[derive(Debug)]

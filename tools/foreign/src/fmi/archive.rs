@@ -86,7 +86,7 @@ pub const LIMITS: Limits = Limits {
 };
 
 /// Limits for an FMU that its user trusts: the ratio is unlimited.
-pub(crate) const TRUSTED: Limits = Limits {
+pub const TRUSTED: Limits = Limits {
     ratio: u64::MAX,
     ..LIMITS
 };
@@ -144,7 +144,7 @@ impl Archive<File> {
     ///
     /// # Errors
     /// If the file is not an archive, or exceeds a limit.
-    pub(crate) fn open(path: &Path, limits: &Limits) -> Result<Self, ArchiveError> {
+    pub fn open(path: &Path, limits: &Limits) -> Result<Self, ArchiveError> {
         let file = File::open(path)?;
         if !file.metadata()?.is_file() {
             return Err(ArchiveError::Damaged("it is not a regular file"));
@@ -206,11 +206,7 @@ impl<R: Read + Seek> Archive<R> {
     ///
     /// # Errors
     /// If a file is damaged or cannot be written.
-    pub(crate) fn extract(
-        &mut self,
-        beginning: &str,
-        folder: &Path,
-    ) -> Result<usize, ArchiveError> {
+    pub fn extract(&mut self, beginning: &str, folder: &Path) -> Result<usize, ArchiveError> {
         let mut count = 0;
         for entry in &self.entries {
             if entry.is_folder() || !entry.name.starts_with(beginning) {

@@ -122,7 +122,7 @@ pub struct BaseUnit {
 }
 
 /// Names of the base units, in the order of the exponents.
-pub(crate) const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
 
 /// Direct dependency of an output.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -171,7 +171,7 @@ pub enum VariableType {
 impl VariableType {
     /// Returns the type in words.
     #[must_use]
-    pub(crate) const fn name(self) -> &'static str {
+    pub const fn name(self) -> &'static str {
         match self {
             Self::Float32 => "32-bit number",
             Self::Float64 => "number",
@@ -194,7 +194,7 @@ impl VariableType {
     /// Returns the smallest and largest value that a row of numbers can represent exactly; `None` for types that are
     /// not numeric.
     #[must_use]
-    pub(crate) fn range(self) -> Option<(f64, f64)> {
+    pub fn range(self) -> Option<(f64, f64)> {
         /// Largest integer up to which every integer has an exact `f64`.
         const EXACT: f64 = 9_007_199_254_740_992.0;
         Some(match self {
@@ -215,7 +215,7 @@ impl VariableType {
 
     /// Returns `true` for floating-point types; all others are integers.
     #[must_use]
-    pub(crate) const fn is_float(self) -> bool {
+    pub const fn is_float(self) -> bool {
         matches!(self, Self::Float32 | Self::Float64)
     }
 }
@@ -251,7 +251,7 @@ pub enum Initial {
 }
 
 /// Reference of a variable whose own is missing or of another one: it is no other name of anything.
-pub(crate) const UNREFERENCED: u32 = u32::MAX;
+pub const UNREFERENCED: u32 = u32::MAX;
 
 /// Variable of a model description.
 #[derive(Clone, Debug, PartialEq)]
@@ -296,14 +296,16 @@ pub struct Variable {
 
 impl Variable {
     /// Formats values of items as text.
-    pub(crate) fn items_text(items: &[f64]) -> String {
+    #[must_use]
+    pub fn items_text(items: &[f64]) -> String {
         let items: Vec<String> = items.iter().map(f64::to_string).collect();
         items.join(", ")
     }
 
     /// Returns the smallest and largest value allowed by its type and its own bounds. Bounds in the wrong order are
     /// ignored.
-    pub(crate) fn bounds(&self) -> (f64, f64) {
+    #[must_use]
+    pub fn bounds(&self) -> (f64, f64) {
         let (low, high) = (self.kind.range()).unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
         let is_range = (self.min.zip(self.max)).is_none_or(|(min, max)| min <= max);
         let min = self.min.filter(|min| is_range && *min > low);
@@ -312,13 +314,15 @@ impl Variable {
     }
 
     /// Returns `true` if it is a number and a parameter whose value the model does not tell.
-    pub(crate) fn lacks_start(&self) -> bool {
+    #[must_use]
+    pub fn lacks_start(&self) -> bool {
         let has_start = self.is_resized || self.start.len() == self.elements();
         self.causality == Causality::Parameter && self.kind.range().is_some() && !has_start
     }
 
     /// Returns `true` if the variable is not needed from outside.
-    pub(crate) const fn is_inner(&self) -> bool {
+    #[must_use]
+    pub const fn is_inner(&self) -> bool {
         matches!(
             self.causality,
             Causality::Local | Causality::CalculatedParameter
@@ -326,12 +330,14 @@ impl Variable {
     }
 
     /// Returns the number of elements.
-    pub(crate) fn elements(&self) -> usize {
+    #[must_use]
+    pub fn elements(&self) -> usize {
         self.dimensions.iter().product()
     }
 
     /// Returns the name of an element: `x` for a scalar, `x[2,1]` for a matrix, whose last index varies fastest.
-    pub(crate) fn element_name(&self, element: usize) -> String {
+    #[must_use]
+    pub fn element_name(&self, element: usize) -> String {
         if self.dimensions.is_empty() {
             return self.name.clone();
         }

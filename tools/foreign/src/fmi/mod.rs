@@ -36,7 +36,7 @@ mod settable;
 pub mod sides;
 mod start;
 mod status;
-pub(crate) mod tables;
+pub mod tables;
 mod values;
 
 /// Name of the model description in an archive.

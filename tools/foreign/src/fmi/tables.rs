@@ -57,7 +57,7 @@ impl Tables {
     ///
     /// # Errors
     /// If two names conflict, or a pattern matches nothing.
-    pub(crate) fn of(model: &ModelDescription, patterns: &[Pattern]) -> Result<Self, Invalid> {
+    pub fn of(model: &ModelDescription, patterns: &[Pattern]) -> Result<Self, Invalid> {
         let units = Units::of(model);
         let mut tables = Self {
             imported: imported(model, &units),
@@ -145,7 +145,8 @@ impl Tables {
 
     /// Returns the inputs as a controller has them: measured signals, and reference signals under the names of
     /// stimuli.
-    pub(crate) fn split_inputs(&self) -> (Vec<Field>, Vec<Field>) {
+    #[must_use]
+    pub fn split_inputs(&self) -> (Vec<Field>, Vec<Field>) {
         let (mut measured, mut reference) = (Vec::new(), Vec::new());
         for column in &self.inputs {
             match reference_name(&column.field.name) {

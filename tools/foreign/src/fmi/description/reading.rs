@@ -49,10 +49,7 @@ impl ModelDescription {
     ///
     /// # Errors
     /// See [`decode`](Self::decode); also if such a parameter does not exist.
-    pub(crate) fn resized(
-        bytes: &[u8],
-        sizes: &BTreeMap<String, u64>,
-    ) -> Result<Self, DescriptionError> {
+    pub fn resized(bytes: &[u8], sizes: &BTreeMap<String, u64>) -> Result<Self, DescriptionError> {
         Self::with_sizes(&decoded(bytes)?, sizes)
     }
 
