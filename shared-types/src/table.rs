@@ -360,16 +360,25 @@ macro_rules! table {
             fn fields() -> ::std::vec::Vec<$crate::table::Field> {
                 ::std::vec![
                     $({
-                        #[allow(unused_mut, reason = "a plain signal changes nothing below")]
-                        let mut field = $crate::table::Field::signal(
+                        let field = $crate::table::Field::signal(
                             stringify!($name),
                             concat!($($unit)?),
                             concat!($($doc),*),
                         );
-                        $( field.default = Some($default $($default_size)?); )?
-                        $( field.default = Some($start $($start_size)?); )?
-                        $( (field.min, field.max) = ($min $($min_size)?, $max $($max_size)?); )?
-                        $($( field = $crate::table::flag::$flag(field); )+)?
+                        $( let field = $crate::table::Field {
+                            default: Some($default $($default_size)?),
+                            ..field
+                        }; )?
+                        $( let field = $crate::table::Field {
+                            default: Some($start $($start_size)?),
+                            ..field
+                        }; )?
+                        $( let field = $crate::table::Field {
+                            min: $min $($min_size)?,
+                            max: $max $($max_size)?,
+                            ..field
+                        }; )?
+                        $($( let field = $crate::table::flag::$flag(field); )+)?
                         field
                     },)*
                 ]

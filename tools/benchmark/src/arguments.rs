@@ -96,7 +96,7 @@ pub struct SideArguments {
 impl SideArguments {
     /// Converts the settings to those of a scenario's `[realtime]`.
     #[must_use]
-    pub fn realtime(&self) -> Realtime {
+    pub(crate) fn realtime(&self) -> Realtime {
         Realtime {
             plant_core: self.plant_core,
             controller_core: self.controller_core,
@@ -119,7 +119,7 @@ pub enum Pace {
 impl Pace {
     /// Returns the rate, or `None` for [`Pace::Max`].
     #[must_use]
-    pub const fn rate(self) -> Option<Rate> {
+    pub(crate) const fn rate(self) -> Option<Rate> {
         match self {
             Self::Max => None,
             Self::Rate(rate) => Some(rate),
@@ -178,7 +178,7 @@ pub enum PeerWork {
 impl PeerWork {
     /// Returns the command-line arguments that select this task.
     #[must_use]
-    pub fn arguments(self) -> Vec<String> {
+    pub(crate) fn arguments(self) -> Vec<String> {
         match self {
             Self::Controller { signals } => vec!["controller".into(), signals.to_string()],
             Self::Answer { signals, trips } => {

@@ -14,7 +14,6 @@ use shared_types::frame;
 const SMALLEST: usize = 16;
 
 /// Returns the number of words of the frame for a number of signals, rounded up to a size class.
-#[must_use]
 pub(crate) fn frame_words(signals: usize) -> usize {
     frame::words(signals.next_power_of_two().max(SMALLEST))
 }

@@ -94,15 +94,14 @@ pub struct Limits {
 
 impl Looped {
     /// Returns the mean duration of a step, in ns.
-    #[must_use]
-    pub fn step_ns(&self) -> Option<f64> {
+    pub(crate) fn step_ns(&self) -> Option<f64> {
         let (first_ns, last_ns) = self.span_ns?;
         let steps = self.latency.steps().checked_sub(1)?;
         (steps > 0).then(|| last_ns.saturating_sub(first_ns) as f64 / steps as f64)
     }
 
     /// Adds the timing of a step.
-    pub fn take(&mut self, step: u64, timing: &Timing, called_ns: u64) {
+    pub(crate) fn take(&mut self, step: u64, timing: &Timing, called_ns: u64) {
         self.latency.take(step, timing);
         if timing.is_final() {
             return;

@@ -22,7 +22,7 @@ pub(crate) const NAME: &str = "null";
 const CALLED: &str = "called_ns";
 
 /// Plant that measures the value 1 and computes nothing.
-pub struct NullPlant;
+pub(crate) struct NullPlant;
 
 impl Model for NullPlant {
     fn retune(&mut self, _parameters: &[f64]) -> Result<(), Failure> {
@@ -62,7 +62,6 @@ impl Law for NullLaw {
 }
 
 /// Returns the number of signals in the answer to a sample: half as many, including the time.
-#[must_use]
 pub(crate) fn answered_with(signals: usize) -> usize {
     (signals / 2).max(2)
 }
@@ -123,7 +122,6 @@ pub(crate) fn measured_law(signals: usize) -> LawKind {
 }
 
 /// Returns the index of the law's call time in a record.
-#[must_use]
 pub(crate) fn called_place(layout: &RecordLayout) -> usize {
     let before = [&layout.truth, &layout.measured, &layout.reference];
     let before: usize = before.into_iter().map(Vec::len).sum();

@@ -28,7 +28,7 @@ use super::null;
 use crate::arguments::{LatencyPeerArguments, PeerWork};
 
 /// Longest wait of a side for a live peer, in s.
-pub const WAIT_LIMIT_S: f64 = 5.0;
+pub(crate) const WAIT_LIMIT_S: f64 = 5.0;
 /// Longest time that a finished peer may take to exit.
 const GRACE: Duration = Duration::from_secs(2);
 

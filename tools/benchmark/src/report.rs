@@ -202,7 +202,6 @@ fn row(table: &mut Table, name: &str, figures: &Percentiles) {
 
 impl Report {
     /// Creates the report of at least one case.
-    #[must_use]
     pub(crate) fn new(cases: &[Case], run: Option<&Path>) -> Self {
         let figures: Vec<Figures> = cases.iter().map(Figures::of).collect();
         let stands_for_all =
@@ -225,7 +224,6 @@ impl Report {
     }
 
     /// Formats the report for a person.
-    #[must_use]
     pub(crate) fn text(&self, cases: &[Case]) -> String {
         output::text(|text| self.write(text, cases))
     }
@@ -371,7 +369,6 @@ fn refusals(side: &str, report: &realtime::Report) -> Vec<String> {
 }
 
 /// Formats all histograms as CSV, with a row for each non-empty class: `from_ns <= t < to_ns`.
-#[must_use]
 pub(crate) fn csv(cases: &[Case]) -> String {
     let mut text = String::from("signals,rate_hz,leg,from_ns,to_ns,count\n");
     let mut limits_of = None;

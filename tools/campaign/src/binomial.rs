@@ -8,7 +8,7 @@ use crate::tail::above;
 
 /// Bounds of a probability.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Bounds {
+pub(crate) struct Bounds {
     /// Smallest probability that is consistent with the count.
     pub lower: f64,
     /// Largest probability that is consistent with the count.
@@ -23,8 +23,7 @@ pub struct Bounds {
 ///
 /// The risk is split equally even if all trials or none succeed: choosing the side by the data would reduce the coverage
 /// to 92.7 % at 95 %.
-#[must_use]
-pub fn bounds(successes: u64, trials: u64, confidence: f64) -> Option<Bounds> {
+pub(crate) fn bounds(successes: u64, trials: u64, confidence: f64) -> Option<Bounds> {
     if !is_valid(successes, trials, confidence) {
         return None;
     }
@@ -41,8 +40,7 @@ pub fn bounds(successes: u64, trials: u64, confidence: f64) -> Option<Bounds> {
 /// distribution with parameters `successes` and `trials - successes + 1` (Clopper and Pearson, 1934; G. J. Hahn and
 /// W. Q. Meeker, Statistical Intervals, 1991, section 6.2; valid for `successes <= trials` and `0 < confidence < 1`).
 /// 0 without a success; NaN outside this range and for zero trials.
-#[must_use]
-pub fn lower(successes: u64, trials: u64, confidence: f64) -> f64 {
+pub(crate) fn lower(successes: u64, trials: u64, confidence: f64) -> f64 {
     if !is_valid(successes, trials, confidence) {
         return f64::NAN;
     }

@@ -18,7 +18,7 @@ use crate::table::{CLASS, Column, ColumnKind, LOST, TableError, Writer, sealed};
 
 /// Summary of the collected rows of a campaign.
 #[derive(Clone, Debug, Default)]
-pub struct Collected {
+pub(crate) struct Collected {
     /// Number of rows.
     pub rows: u64,
     /// Digest over all rows; `None` unless every case has one.
@@ -36,7 +36,7 @@ pub struct Collected {
 ///
 /// # Errors
 /// If a part cannot be read, or if the consumer fails.
-pub fn pass(
+pub(crate) fn pass(
     folder: &Folder,
     mut take: impl FnMut(&Part) -> Result<(), TableError>,
 ) -> Result<Collected, TableError> {
@@ -102,7 +102,7 @@ pub fn pass(
 ///
 /// # Errors
 /// If a table cannot be written or a part cannot be read.
-pub fn collect<W: Write + Send, V: Write + Send>(
+pub(crate) fn collect<W: Write + Send, V: Write + Send>(
     folder: &Folder,
     results: W,
     circumstances: V,
@@ -131,7 +131,7 @@ pub fn collect<W: Write + Send, V: Write + Send>(
 ///
 /// # Errors
 /// If a file cannot be read.
-pub fn curves(folder: &Folder) -> io::Result<(Curves, u64)> {
+pub(crate) fn curves(folder: &Folder) -> io::Result<(Curves, u64)> {
     let (mut all, mut without) = (Curves::default(), 0);
     let Some(grid) = &folder.manifest().curves else {
         return Ok((all, without));

@@ -25,7 +25,7 @@ const MARGIN: &str = "robustness.";
 
 /// Case with the smallest margin.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Worst {
+pub(crate) struct Worst {
     /// Name of the variant.
     pub variant: String,
     /// Name of the requirement.
@@ -40,7 +40,7 @@ pub struct Worst {
 
 /// Shard from which curves come.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Origin {
+pub(crate) struct Origin {
     /// Identity of the campaign.
     pub campaign: String,
     /// Number of the shard.
@@ -49,7 +49,7 @@ pub struct Origin {
 
 /// Curves of one or more shards.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
-pub struct Curves {
+pub(crate) struct Curves {
     /// Minimum and maximum values of all cases of each variant.
     pub envelopes: BTreeMap<String, Curve>,
     /// Curves of the sampled draws, by case.

@@ -23,7 +23,7 @@ const _: () = assert!(
 );
 
 /// Sampler of a study's varied values.
-pub struct Draws {
+pub(crate) struct Draws {
     study: Study,
     sources: Vec<Source>,
     /// Lower triangle of the Cholesky factor of the correlations between the values in `normals`.
@@ -42,7 +42,7 @@ enum Source {
 
 /// A drawn value.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Drawn {
+pub(crate) enum Drawn {
     /// A number.
     Number(f64),
     /// A whole number.
@@ -54,7 +54,7 @@ pub enum Drawn {
 impl Drawn {
     /// Formats the value as `--set` accepts it.
     #[must_use]
-    pub fn toml(&self) -> String {
+    pub(crate) fn toml(&self) -> String {
         match self {
             Self::Number(value) | Self::Whole(value) if value.is_nan() => "nan".into(),
             Self::Number(value) => format!("{value:?}"),
@@ -64,8 +64,7 @@ impl Drawn {
     }
 
     /// Converts the value to a table cell.
-    #[must_use]
-    pub fn cell(&self) -> Cell {
+    pub(crate) fn cell(&self) -> Cell {
         match self {
             Self::Number(value) | Self::Whole(value) | Self::Item(Item::Number(value, _)) => {
                 Cell::number(*value)
@@ -88,7 +87,7 @@ impl Draws {
     ///
     /// # Errors
     /// If the matrix of correlations is not positive definite.
-    pub fn new(study: Study) -> Result<Self, Problems> {
+    pub(crate) fn new(study: Study) -> Result<Self, Problems> {
         let mut columns = Columns::default();
         let mut places = Vec::new();
         let mut sources = Vec::new();
@@ -128,28 +127,26 @@ impl Draws {
 
     /// Returns the study.
     #[must_use]
-    pub const fn study(&self) -> &Study {
+    pub(crate) const fn study(&self) -> &Study {
         &self.study
     }
 
     /// Returns the draw and the variant of a case: the cases of one draw, one per variant, are consecutive.
-    #[must_use]
-    pub fn of_case(&self, case: u64) -> (u64, usize) {
+    pub(crate) fn of_case(&self, case: u64) -> (u64, usize) {
         let variants = self.study.variants.len() as u64;
         let variant = usize::try_from(case % variants).unwrap_or_default();
         (case / variants, variant)
     }
 
     /// Draws `run.seed` of a draw.
-    #[must_use]
-    pub fn seed(&self, draw: u64) -> u64 {
+    pub(crate) fn seed(&self, draw: u64) -> u64 {
         let path = format!("campaign/run.seed/{draw}");
         (RandomStream::new(self.study.seed, &path).uniform() * SEEDS) as u64
     }
 
     /// Draws the varied values of a draw, in the order of the study.
     #[must_use]
-    pub fn values(&self, draw: u64) -> Vec<Drawn> {
+    pub(crate) fn values(&self, draw: u64) -> Vec<Drawn> {
         let mut uniform: Vec<f64> = self
             .sources
             .iter()
@@ -180,15 +177,13 @@ impl Draws {
     }
 
     /// Returns the `--set` flags that turn the scenario into a case, in the order of application.
-    #[must_use]
-    pub fn flags(&self, case: u64) -> Vec<String> {
+    pub(crate) fn flags(&self, case: u64) -> Vec<String> {
         let (draw, variant) = self.of_case(case);
         self.flags_of(variant, self.seed(draw), &self.values(draw))
     }
 
     /// Returns the seed of a case with these values: the study's own if it sets one, otherwise the drawn one.
-    #[must_use]
-    pub fn seed_of(&self, variant: usize, drawn: u64, values: &[Drawn]) -> u64 {
+    pub(crate) fn seed_of(&self, variant: usize, drawn: u64, values: &[Drawn]) -> u64 {
         let flags = self.flags_of(variant, drawn, values);
         let own_seed = flags.iter().find_map(|flag| flag.strip_prefix(SEED));
         // TOML allows `_` between digits.
@@ -198,8 +193,7 @@ impl Draws {
     }
 
     /// Returns the flags of a case with these values.
-    #[must_use]
-    pub fn flags_of(&self, variant: usize, seed: u64, values: &[Drawn]) -> Vec<String> {
+    pub(crate) fn flags_of(&self, variant: usize, seed: u64, values: &[Drawn]) -> Vec<String> {
         let study = &self.study;
         let mut flags = study.set.clone();
         flags.extend(study.variants[variant].set.iter().cloned());

@@ -14,9 +14,9 @@ use serde::{Deserialize, Serialize};
 use crate::manifest::{Copied, Manifest, ManifestError};
 
 /// Subfolder of the shards.
-pub const SHARDS: &str = "shards";
+pub(crate) const SHARDS: &str = "shards";
 /// Subfolder of results that contradict earlier ones.
-pub const CONFLICTS: &str = "conflicts";
+pub(crate) const CONFLICTS: &str = "conflicts";
 
 /// A campaign's folder.
 #[derive(Clone, Debug)]
@@ -86,8 +86,7 @@ impl Folder {
     }
 
     /// Returns `true` if the manifest has a checksum, so that the campaign's identity can be relied on.
-    #[must_use]
-    pub const fn is_sealed(&self) -> bool {
+    pub(crate) const fn is_sealed(&self) -> bool {
         self.is_sealed
     }
 
@@ -98,8 +97,7 @@ impl Folder {
     }
 
     /// Returns `true` if `id` identifies this campaign or one from which it grew, so that its results are valid here.
-    #[must_use]
-    pub fn has_results_of(&self, id: &str) -> bool {
+    pub(crate) fn has_results_of(&self, id: &str) -> bool {
         self.id == id || self.manifest.grown.iter().any(|stage| stage.id == id)
     }
 
@@ -115,7 +113,7 @@ impl Folder {
     ///
     /// # Errors
     /// If a copy cannot be read or has changed; the message names the first one.
-    pub fn check_copies<'a>(
+    pub(crate) fn check_copies<'a>(
         &self,
         files: impl IntoIterator<Item = &'a Copied>,
     ) -> Result<(), String> {
@@ -140,7 +138,7 @@ impl Folder {
     ///
     /// # Errors
     /// If the conflict cannot be written.
-    pub fn note(&self, conflict: &Conflict) -> io::Result<()> {
+    pub(crate) fn note(&self, conflict: &Conflict) -> io::Result<()> {
         let folder = self.path.join(CONFLICTS);
         fs::create_dir_all(&folder)?;
         let text = serde_json::to_vec_pretty(conflict)?;
@@ -160,7 +158,7 @@ impl Folder {
     ///
     /// # Errors
     /// If the folder cannot be read.
-    pub fn conflicts(&self) -> io::Result<Vec<Conflict>> {
+    pub(crate) fn conflicts(&self) -> io::Result<Vec<Conflict>> {
         let entries = match fs::read_dir(self.path.join(CONFLICTS)) {
             Err(error) if error.kind() == ErrorKind::NotFound => return Ok(Vec::new()),
             entries => entries?,
@@ -186,7 +184,7 @@ impl Folder {
 ///
 /// # Errors
 /// If the folder cannot be written or a feature is missing; the message names the feature.
-pub fn try_out(folder: &Path) -> Result<(), String> {
+pub(crate) fn try_out(folder: &Path) -> Result<(), String> {
     let folder_text = folder.display();
     let lacks = |what: &str, error: &dyn std::fmt::Display| {
         format!(

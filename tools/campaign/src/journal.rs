@@ -61,7 +61,7 @@ struct Maker {
 
 /// Data about the computation of a row that may differ between runs of the same case.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Circumstances {
+pub(crate) struct Circumstances {
     /// Wall-clock time of the case, in s.
     pub wall_s: f64,
     /// Host of the case.
@@ -73,7 +73,7 @@ pub struct Circumstances {
 }
 
 /// Journal open for writing.
-pub struct Journal {
+pub(crate) struct Journal {
     file: File,
     path: PathBuf,
     name: String,
@@ -97,7 +97,7 @@ impl Journal {
     ///
     /// # Errors
     /// If the file cannot be written or locked.
-    pub fn begin(shard: &Path, campaign: &str) -> io::Result<Self> {
+    pub(crate) fn begin(shard: &Path, campaign: &str) -> io::Result<Self> {
         let (file, path) = loop {
             // The file must not be visible as a journal before it is locked: it would look dead.
             let (file, unfinished) = unfinished(shard)?.into_parts();
@@ -133,7 +133,7 @@ impl Journal {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn start(&mut self, case: u64) -> io::Result<()> {
+    pub(crate) fn start(&mut self, case: u64) -> io::Result<()> {
         self.write(&Line::Start(case))
     }
 
@@ -141,7 +141,7 @@ impl Journal {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn leave(&mut self, case: u64) -> io::Result<()> {
+    pub(crate) fn leave(&mut self, case: u64) -> io::Result<()> {
         self.write(&Line::Left(case))
     }
 
@@ -150,7 +150,7 @@ impl Journal {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn row(&mut self, cells: &Row, wall_s: f64, curve: Option<Curve>) -> io::Result<()> {
+    pub(crate) fn row(&mut self, cells: &Row, wall_s: f64, curve: Option<Curve>) -> io::Result<()> {
         self.write(&Line::Row {
             wall_s,
             cells: cells.clone(),
@@ -192,13 +192,12 @@ impl Journal {
 
     /// Returns the name of the journal.
     #[must_use]
-    pub fn name(&self) -> &str {
+    pub(crate) fn name(&self) -> &str {
         &self.name
     }
 
     /// Returns the host of the attempt.
-    #[must_use]
-    pub fn host(&self) -> &str {
+    pub(crate) fn host(&self) -> &str {
         &self.host
     }
 

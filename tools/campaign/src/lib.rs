@@ -28,20 +28,20 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
 pub mod binomial;
-pub mod collect;
+pub(crate) mod collect;
 pub mod command;
-pub mod curves;
-pub mod draws;
+pub(crate) mod curves;
+pub(crate) mod draws;
 pub mod folder;
-pub mod journal;
+pub(crate) mod journal;
 pub mod manifest;
-pub mod mcnemar;
-pub mod normal;
-pub mod order;
+pub(crate) mod mcnemar;
+pub(crate) mod normal;
+pub(crate) mod order;
 mod permutation;
 pub mod rank;
 pub mod shard;
 mod sobol;
 pub mod table;
 mod tail;
-pub mod truncated;
+pub(crate) mod truncated;

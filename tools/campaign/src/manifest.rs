@@ -19,9 +19,9 @@ use serde::{Deserialize, Serialize};
 use crate::table::Column;
 
 /// Version of the folder format.
-pub const SCHEMA: u32 = 1;
+pub(crate) const SCHEMA: u32 = 1;
 /// Version of the folder format for campaigns that grew.
-pub const GROWN: u32 = 2;
+pub(crate) const GROWN: u32 = 2;
 
 /// A file of the folder.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -131,7 +131,7 @@ impl Manifest {
     ///
     /// # Errors
     /// If the file is missing or invalid, or its checksum does not match.
-    pub fn read_sealed(folder: &Path) -> Result<(Self, bool), ManifestError> {
+    pub(crate) fn read_sealed(folder: &Path) -> Result<(Self, bool), ManifestError> {
         let folder_text = || folder.display().to_string();
         let text = std::fs::read(folder.join(MANIFEST))
             .map_err(|error| ManifestError::Absent(folder_text(), error))?;
@@ -160,7 +160,7 @@ impl Manifest {
     ///
     /// # Errors
     /// If the manifest cannot be serialised.
-    pub fn sealed_text(&self) -> serde_json::Result<String> {
+    pub(crate) fn sealed_text(&self) -> serde_json::Result<String> {
         let text = |blake3| {
             serde_json::to_string_pretty(&Sealed {
                 manifest: self,
@@ -183,8 +183,7 @@ impl Manifest {
     }
 
     /// Returns the index of a column of results.
-    #[must_use]
-    pub fn place(&self, name: &str) -> Option<usize> {
+    pub(crate) fn place(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|column| column.name == name)
     }
 
@@ -201,15 +200,13 @@ impl Manifest {
     }
 
     /// Returns the number of shards.
-    #[must_use]
-    pub fn shards(&self) -> u64 {
+    pub(crate) fn shards(&self) -> u64 {
         let extents = self.extents();
         extents.map(|(cases, size)| shards_of(&cases, size)).sum()
     }
 
     /// Returns the cases of a shard; empty for a shard that does not exist.
-    #[must_use]
-    pub fn cases_of(&self, shard: u64) -> Range<u64> {
+    pub(crate) fn cases_of(&self, shard: u64) -> Range<u64> {
         let mut before = 0;
         for (cases, size) in self.extents() {
             let number = shard - before;
@@ -224,8 +221,7 @@ impl Manifest {
     }
 
     /// Returns the shard of a case.
-    #[must_use]
-    pub fn shard_of(&self, case: u64) -> u64 {
+    pub(crate) fn shard_of(&self, case: u64) -> u64 {
         let extents = self.extents().map(|(cases, size)| match case {
             case if case < cases.start => 0,
             case if case < cases.end => (case - cases.start) / size,
@@ -235,8 +231,7 @@ impl Manifest {
     }
 
     /// Counts the cases of the given shards.
-    #[must_use]
-    pub fn count(&self, shards: &[u64]) -> u64 {
+    pub(crate) fn count(&self, shards: &[u64]) -> u64 {
         let cases = shards.iter().map(|shard| self.cases_of(*shard));
         cases.map(|cases| cases.end - cases.start).sum()
     }
@@ -252,8 +247,7 @@ impl Manifest {
     }
 
     /// Returns the copies of plant and controller program for a case in two processes, if they exist.
-    #[must_use]
-    pub fn both(&self) -> Option<[&Copied; 2]> {
+    pub(crate) fn both(&self) -> Option<[&Copied; 2]> {
         match (&self.plant, &self.controller, &self.pair) {
             (Some(plant), Some(controller), _) | (_, _, Some([plant, controller])) => {
                 Some([plant, controller])
@@ -268,8 +262,7 @@ const fn shards_of(cases: &Range<u64>, size: u64) -> u64 {
 }
 
 /// Describes the differences between two manifests for a person.
-#[must_use]
-pub fn differences(one: &Manifest, other: &Manifest) -> Vec<String> {
+pub(crate) fn differences(one: &Manifest, other: &Manifest) -> Vec<String> {
     let copied = |file: Option<&Copied>| file.map_or("none".into(), |file| file.blake3.clone());
     let pairs = [
         ("study", Some(&one.study), Some(&other.study)),

@@ -12,8 +12,7 @@ use crate::tail::at_least;
 /// 153-157, in the exact form of W. J. Conover, Practical Nonparametric Statistics, 3rd ed. 1999, sections 3.4 and
 /// 3.5; valid for any counts). Equal counts, including zero, give 1; probabilities below 5e-324 give 0, and a sum of
 /// the counts beyond 2^64 is taken as 2^64 - 1.
-#[must_use]
-pub fn exact(first_only: u64, second_only: u64) -> f64 {
+pub(crate) fn exact(first_only: u64, second_only: u64) -> f64 {
     if first_only == second_only {
         return 1.0;
     }

@@ -89,8 +89,7 @@ const END: Ratio = [
 /// `Phi(z) = erfc(-z / sqrt(2)) / 2` (Abramowitz and Stegun, Handbook of Mathematical Functions, 1964,
 /// eq. 26.2.29; valid for any `z`). The relative error grows as `1e-16 z^2` in the lower tail; below
 /// -38.5 the result is 0. NaN gives NaN.
-#[must_use]
-pub fn cumulative(z: f64) -> f64 {
+pub(crate) fn cumulative(z: f64) -> f64 {
     0.5 * libm::erfc(-z * FRAC_1_SQRT_2)
 }
 
@@ -99,8 +98,7 @@ pub fn cumulative(z: f64) -> f64 {
 /// `z = Phi^-1(p)` by three rational functions (M. J. Wichura, Algorithm AS 241, routine PPND16, Applied Statistics
 /// 37 (1988) 477-484; valid for `0 < p < 1`, with a relative error of 1e-15). 0 gives minus infinity, 1 gives
 /// infinity, and other values give NaN.
-#[must_use]
-pub fn quantile(p: f64) -> f64 {
+pub(crate) fn quantile(p: f64) -> f64 {
     if !(0.0..=1.0).contains(&p) {
         return f64::NAN;
     }

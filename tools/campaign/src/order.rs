@@ -15,8 +15,7 @@ const ROUNDING: f64 = 1e-12;
 /// p <= 1`). An infinite neighbour gives infinity, unless the quantile coincides with the other neighbour; a quantile
 /// between minus infinity and infinity is NaN. An empty slice, a NaN neighbour, and `p` outside 0 to 1 give NaN.
 /// Values in any other order give a meaningless result.
-#[must_use]
-pub fn quantile(sorted: &[f64], p: f64) -> f64 {
+pub(crate) fn quantile(sorted: &[f64], p: f64) -> f64 {
     if sorted.is_empty() || !(0.0..=1.0).contains(&p) {
         return f64::NAN;
     }
@@ -56,8 +55,7 @@ fn between(a: f64, b: f64, g: f64) -> f64 {
 /// 1991, section 5.2; W. J. Conover, Practical Nonparametric Statistics, 3rd ed. 1999, section 3.2; valid for any
 /// distribution and independent values, `0 < p < 1` and `0 < confidence < 1`). `None` outside this range, and for a
 /// sample too small to have half of the risk on each side.
-#[must_use]
-pub fn quantile_bounds(count: u64, p: f64, confidence: f64) -> Option<(u64, u64)> {
+pub(crate) fn quantile_bounds(count: u64, p: f64, confidence: f64) -> Option<(u64, u64)> {
     let is_share = |share: f64| share > 0.0 && share < 1.0;
     if !is_share(p) || !is_share(confidence) {
         return None;

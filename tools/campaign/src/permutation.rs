@@ -14,7 +14,6 @@ const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 /// f_round(right))`, is iterated until the position lies below `count` (J. Black and P. Rogaway, Ciphers with
 /// Arbitrary Finite Domains, CT-RSA 2002, methods 2 and 3; a bijection for `index < count`). It needs fewer than four
 /// iterations on average. An index of `count` or more is returned unchanged.
-#[must_use]
 pub(crate) fn permuted(index: u64, count: u64, key: u64) -> u64 {
     if count < 2 || index >= count {
         return index;

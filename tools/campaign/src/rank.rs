@@ -5,12 +5,11 @@
 
 /// Values in ascending order. Both zeros are equal; NaN of either sign equals itself and is greater than infinity.
 #[derive(Debug)]
-pub struct Order(Vec<u128>);
+pub(crate) struct Order(Vec<u128>);
 
 impl Order {
     /// Sorts values.
-    #[must_use]
-    pub fn of(values: &[f64]) -> Self {
+    pub(crate) fn of(values: &[f64]) -> Self {
         let places = values.iter().map(|value| u128::from(key(*value))).zip(0..);
         let mut order: Vec<u128> = places.map(|(key, place)| key << PLACE | place).collect();
         order.sort_unstable();
@@ -18,7 +17,7 @@ impl Order {
     }
 
     /// Returns the indices of the values in this order; equal values keep their original order.
-    pub fn places(&self) -> impl Iterator<Item = usize> {
+    pub(crate) fn places(&self) -> impl Iterator<Item = usize> {
         self.0.iter().map(|one| place(*one))
     }
 
@@ -26,8 +25,7 @@ impl Order {
     ///
     /// `r = (first + last) / 2` over the positions of equal values in ascending order (M. G. Kendall, Rank
     /// Correlation Methods, 4th ed. 1970, chapter 3; valid for any values).
-    #[must_use]
-    pub fn ranks(&self) -> Vec<f64> {
+    pub(crate) fn ranks(&self) -> Vec<f64> {
         let mut ranks = vec![0.0; self.0.len()];
         let mut before = 0;
         for equal in self.0.chunk_by(|one, other| one >> PLACE == other >> PLACE) {
@@ -49,8 +47,7 @@ const fn place(one: u128) -> usize {
 }
 
 /// Ranks of values, as [`Order::ranks`] computes them.
-#[must_use]
-pub fn ranks(values: &[f64]) -> Vec<f64> {
+pub(crate) fn ranks(values: &[f64]) -> Vec<f64> {
     Order::of(values).ranks()
 }
 
@@ -65,8 +62,7 @@ pub fn spearman(x: &[f64], y: &[f64]) -> Option<f64> {
 }
 
 /// [`spearman`]'s correlation of two series given as [`ranks`], for series that occur in several pairs.
-#[must_use]
-pub fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
+pub(crate) fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
     if x.len() != y.len() || x.len() < 3 {
         return None;
     }
@@ -96,8 +92,7 @@ pub fn of_ranks(x: &[f64], y: &[f64]) -> Option<f64> {
 const ROUNDING: f64 = 1e-6;
 
 /// Returns `true` if finite values differ by no more than rounding: by at most a millionth of the largest magnitude.
-#[must_use]
-pub fn is_rounding(values: &[f64]) -> bool {
+pub(crate) fn is_rounding(values: &[f64]) -> bool {
     let (mut least, mut most) = (f64::INFINITY, f64::NEG_INFINITY);
     for value in values.iter().copied().filter(|value| value.is_finite()) {
         least = if value < least { value } else { least };

@@ -4,8 +4,8 @@
 //! it. The rows of the other are compared with that result, so that a double execution, which no engine rules out,
 //! becomes a check of repeatability.
 
-pub mod attempt;
-pub mod part;
+pub(crate) mod attempt;
+pub(crate) mod part;
 
 use std::collections::BTreeSet;
 use std::fs::{self, File};
@@ -24,7 +24,7 @@ use attempt::{Attempt, difference};
 use part::Part;
 
 /// Number of times that a case may kill its worker before it is set aside.
-pub const MOST_TRIES: u64 = 3;
+pub(crate) const MOST_TRIES: u64 = 3;
 /// File name of a published result.
 const PART: &str = "part.parquet";
 
@@ -44,7 +44,7 @@ pub fn missing(folder: &Folder) -> Vec<u64> {
 }
 
 /// Claim on a shard, held until the value is dropped or its process ends.
-pub struct Claim(#[expect(dead_code, reason = "never read: holds the lock")] File);
+pub(crate) struct Claim(#[expect(dead_code, reason = "never read: holds the lock")] File);
 
 /// Error of reading a part.
 #[derive(Debug, thiserror::Error)]
@@ -100,8 +100,7 @@ impl<'a> Shard<'a> {
     }
 
     /// Returns `true` if the shard has a result.
-    #[must_use]
-    pub fn is_published(&self) -> bool {
+    pub(crate) fn is_published(&self) -> bool {
         self.result().exists()
     }
 
@@ -109,7 +108,7 @@ impl<'a> Shard<'a> {
     ///
     /// # Errors
     /// If the folder cannot be written.
-    pub fn claim(&self) -> io::Result<Option<Claim>> {
+    pub(crate) fn claim(&self) -> io::Result<Option<Claim>> {
         let path = self.path();
         fs::create_dir_all(&path)?;
         let mut options = File::options();
@@ -158,7 +157,7 @@ impl<'a> Shard<'a> {
     ///
     /// # Errors
     /// If the result is missing or invalid.
-    pub fn part(&self) -> Result<Part, PartError> {
+    pub(crate) fn part(&self) -> Result<Part, PartError> {
         let bytes = fs::read(self.result()).map_err(TableError::Io)?;
         Part::read(bytes, self.folder, self.cases())
     }
@@ -247,7 +246,7 @@ impl<'a> Shard<'a> {
     ///
     /// # Errors
     /// If the file cannot be renamed.
-    pub fn set_aside(&self) -> io::Result<PathBuf> {
+    pub(crate) fn set_aside(&self) -> io::Result<PathBuf> {
         let path = self.path();
         let mut names = (1..).map(|number| path.join(format!("broken-{number}.parquet")));
         let free = names.find(|path| !path.exists()).unwrap_or_default();

@@ -89,7 +89,6 @@ static DIRECTIONS: [[u32; BITS]; MOST_DIMENSIONS] = directions();
 /// Fox, Algorithm 659, ACM Trans. Math. Softw. 14 (1988) 88-100; direction numbers of Joe and Kuo, 2008; valid for
 /// any index, and for dimensions, counted from 0, below [`MOST_DIMENSIONS`]). Larger dimensions give the coordinate
 /// of the last one, so callers have to check the number of dimensions.
-#[must_use]
 pub(crate) fn point(index: u32, dimension: usize) -> u32 {
     let directions = &DIRECTIONS[dimension.min(MOST_DIMENSIONS - 1)];
     let mut gray = index ^ (index >> 1);

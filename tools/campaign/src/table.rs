@@ -5,7 +5,7 @@
 
 mod cell;
 mod reader;
-pub mod sealed;
+pub(crate) mod sealed;
 mod values;
 mod writer;
 
@@ -14,15 +14,16 @@ use std::io;
 use parquet::errors::ParquetError;
 use serde::{Deserialize, Serialize};
 
-pub use cell::{Cell, Row, fits};
-pub use reader::{Table, read};
-pub use values::{Texts, Values};
-pub use writer::Writer;
+pub(crate) use cell::fits;
+pub use cell::{Cell, Row};
+pub(crate) use reader::read;
+pub(crate) use values::Values;
+pub(crate) use writer::Writer;
 
 /// Column of the class of a case.
-pub const CLASS: &str = "class";
+pub(crate) const CLASS: &str = "class";
 /// Class of a case that was set aside.
-pub const LOST: &str = "lost";
+pub(crate) const LOST: &str = "lost";
 
 /// Type of the cells of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -50,8 +51,7 @@ pub struct Column {
 
 impl Column {
     /// Creates a column without a unit.
-    #[must_use]
-    pub fn new(name: &str, kind: ColumnKind) -> Self {
+    pub(crate) fn new(name: &str, kind: ColumnKind) -> Self {
         Self {
             name: name.into(),
             kind,
@@ -62,7 +62,7 @@ impl Column {
 
 /// Error of reading or writing a table.
 #[derive(Debug, thiserror::Error)]
-pub enum TableError {
+pub(crate) enum TableError {
     /// An I/O operation failed.
     #[error(transparent)]
     Io(#[from] io::Error),

@@ -16,8 +16,7 @@ use crate::normal::{FAR, cumulative, mills, quantile};
 /// The result never leaves the interval. A `u` of 0 or 1 gives `min` or `max`; a deviation of 0 gives the value of
 /// the interval nearest to the mean. A `u` outside 0 to 1, a negative or infinite deviation, an infinite mean, `min >
 /// max` and NaN give NaN.
-#[must_use]
-pub fn truncated(mean: f64, deviation: f64, min: f64, max: f64, u: f64) -> f64 {
+pub(crate) fn truncated(mean: f64, deviation: f64, min: f64, max: f64, u: f64) -> f64 {
     let is_valid = mean.is_finite()
         && deviation.is_finite()
         && deviation >= 0.0

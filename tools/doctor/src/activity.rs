@@ -13,7 +13,6 @@ const SESSIONS: Check = Check::new(
 );
 
 /// Checks the load average of the last minute.
-#[must_use]
 pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
     let text = known!(LOAD, tree.read("proc/loadavg"));
     let minute = text.split(' ').next().and_then(|s| s.parse::<f64>().ok());
@@ -34,7 +33,6 @@ pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {
 }
 
 /// Checks for other sessions, live or dead.
-#[must_use]
 pub(crate) fn sessions(live: Result<Vec<String>, SessionError>, dead: &[String]) -> Finding {
     let live = match live {
         Ok(live) => live,

@@ -4,7 +4,6 @@ use super::tree::Tree;
 
 /// Returns the command that adds arguments to the kernel's command line; `None` for an unknown boot loader, as in a
 /// virtual machine whose kernel is started from outside.
-#[must_use]
 pub(crate) fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> {
     /// File with the kernel arguments of a Raspberry Pi, in a single line.
     const FIRMWARE: &str = "boot/firmware/cmdline.txt";
@@ -30,7 +29,6 @@ pub(crate) fn add_arguments(tree: &dyn Tree, arguments: &str) -> Option<String> 
 }
 
 /// Returns the value of the last `name=value` on the kernel's command line, which is the effective one.
-#[must_use]
 pub(crate) fn argument<'a>(command_line: &'a str, name: &str) -> Option<&'a str> {
     let value = |word: &'a str| word.strip_prefix(name)?.strip_prefix('=');
     command_line.split_ascii_whitespace().rev().find_map(value)

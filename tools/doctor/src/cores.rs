@@ -56,13 +56,11 @@ impl CoreList {
     }
 
     /// Returns `true` if the list contains all cores of another.
-    #[must_use]
     pub(crate) fn covers(&self, other: &Self) -> bool {
         self.0.is_superset(&other.0)
     }
 
     /// Returns `true` if the lists have a core in common.
-    #[must_use]
     pub(crate) fn meets(&self, other: &Self) -> bool {
         !self.0.is_disjoint(&other.0)
     }
@@ -74,8 +72,7 @@ impl CoreList {
     }
 
     /// Returns the union of this list and another.
-    #[must_use]
-    pub fn with(&self, other: &Self) -> Self {
+    pub(crate) fn with(&self, other: &Self) -> Self {
         self.0.union(&other.0).copied().collect()
     }
 }
@@ -146,7 +143,7 @@ impl Cores {
 
     /// Creates the cores of a test in which this process may use all of them.
     #[cfg(test)]
-    pub fn of(online: &str, chosen: &str) -> Self {
+    pub(crate) fn of(online: &str, chosen: &str) -> Self {
         Self {
             online: CoreList::parse(online),
             allowed: CoreList::parse(online),
@@ -155,7 +152,6 @@ impl Cores {
     }
 
     /// Returns the cores that are not chosen.
-    #[must_use]
     pub(crate) fn others(&self) -> CoreList {
         self.online.without(&self.chosen)
     }
@@ -196,7 +192,6 @@ fn siblings(tree: &dyn Tree, core: u32) -> Result<CoreList, Unread> {
 }
 
 /// Checks the number of cores, given that both sides spin.
-#[must_use]
 pub(crate) fn count(cores: &Cores) -> Finding {
     let Cores {
         online, allowed, ..
@@ -217,7 +212,6 @@ pub(crate) fn count(cores: &Cores) -> Finding {
 }
 
 /// Checks for physical cores shared by the chosen cores with each other or with other cores.
-#[must_use]
 pub(crate) fn smt(tree: &dyn Tree, cores: &Cores) -> Finding {
     let mut shared = CoreList::default();
     let mut together = false;

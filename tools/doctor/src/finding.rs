@@ -22,7 +22,7 @@ pub enum Grade {
 impl Grade {
     /// Returns the grade as a word.
     #[must_use]
-    pub const fn word(self) -> &'static str {
+    pub(crate) const fn word(self) -> &'static str {
         match self {
             Self::Good => "good",
             Self::Fair => "fair",
@@ -58,7 +58,6 @@ pub struct Finding {
 
 impl Check {
     /// Creates a check with its name and the reason why it matters.
-    #[must_use]
     pub(crate) const fn new(name: &'static str, why: &'static str) -> Self {
         Self { name, why }
     }
@@ -121,20 +120,20 @@ pub(crate) use known;
 impl Finding {
     /// Adds the command that remedies the problem.
     #[must_use]
-    pub fn mend(self, command: impl Into<String>) -> Self {
+    pub(crate) fn mend(self, command: impl Into<String>) -> Self {
         self.mend_if(Some(command.into()))
     }
 
     /// Adds the command that remedies the problem, if there is one.
     #[must_use]
-    pub fn mend_if(mut self, command: Option<String>) -> Self {
+    pub(crate) fn mend_if(mut self, command: Option<String>) -> Self {
         self.mend = command;
         self
     }
 
     /// Adds the figures behind the finding.
     #[must_use]
-    pub fn measured(mut self, figures: Value) -> Self {
+    pub(crate) fn measured(mut self, figures: Value) -> Self {
         self.measured = Some(figures);
         self
     }

@@ -31,7 +31,6 @@ const MAKERS: [&str; 13] = [
 const STOLEN_PERCENT: f64 = 1.0;
 
 /// Checks for virtualisation, and the share of the chosen cores' time that the host took.
-#[must_use]
 pub(crate) fn virtualisation(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let Some(virtual_machine) = is_virtual(tree) else {
         return VIRTUALISATION.unknown("neither the processor nor the vendor's name shows it");

@@ -40,7 +40,6 @@ struct Line {
 
 impl Snapshot {
     /// Reads the current counters.
-    #[must_use]
     pub(crate) fn take(tree: &dyn Tree) -> Self {
         Self {
             interrupts: tree.read("proc/interrupts"),
@@ -66,7 +65,6 @@ impl Snapshot {
 
 impl Interval {
     /// Creates the interval between two snapshots.
-    #[must_use]
     pub(crate) const fn between(earlier: Snapshot, later: Snapshot) -> Self {
         Self {
             earlier: Some(earlier),
@@ -75,7 +73,6 @@ impl Interval {
     }
 
     /// Creates the interval since boot.
-    #[must_use]
     pub(crate) const fn since_boot(later: Snapshot) -> Self {
         Self {
             earlier: None,
@@ -84,7 +81,6 @@ impl Interval {
     }
 
     /// Describes the interval in words.
-    #[must_use]
     pub(crate) fn describe(&self) -> String {
         match (&self.earlier, self.seconds()) {
             (Some(_), Ok(seconds)) => format!("in {seconds:.1} s"),
@@ -186,7 +182,6 @@ fn stolen_of_all(text: &str, cores: &CoreList) -> (u64, u64) {
 }
 
 /// Checks the device interrupts on the chosen cores: those counted there and those routed there.
-#[must_use]
 pub(crate) fn interrupts(tree: &dyn Tree, cores: &Cores, interval: &Interval) -> Finding {
     let rates = known!(INTERRUPTS, interval.interrupts_hz(&cores.chosen));
     let came_hz: f64 = rates.iter().map(|(_, hz)| hz).sum();

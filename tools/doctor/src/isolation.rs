@@ -15,7 +15,6 @@ const QUOTA: Check = Check::new(
 );
 
 /// Checks whether the chosen cores are isolated from other work and from the scheduler's tick.
-#[must_use]
 pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {
     let list = |path: &str| tree.read(path).map(|text| CoreList::parse(&text));
     let from_boot = known!(ISOLATION, list("sys/devices/system/cpu/isolated"));
@@ -56,7 +55,6 @@ struct Quota {
 }
 
 /// Checks the limits on processor time in the control groups above this process.
-#[must_use]
 pub(crate) fn quota(tree: &dyn Tree) -> Finding {
     let groups = known!(QUOTA, tree.read("proc/self/cgroup"));
     let mut looked = false;

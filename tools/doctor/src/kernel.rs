@@ -37,7 +37,6 @@ impl Build {
 }
 
 /// Checks the kernel's preemption model.
-#[must_use]
 pub(crate) fn preemption(tree: &dyn Tree) -> Finding {
     /// File with the preemption mode of a dynamic kernel, readable and writable.
     const MODE: &str = "sys/kernel/debug/sched/preempt";
@@ -112,7 +111,6 @@ fn real_time_kernel(tree: &dyn Tree) -> Option<String> {
 }
 
 /// Checks the clock source of the kernel.
-#[must_use]
 pub(crate) fn clock_source(tree: &dyn Tree) -> Finding {
     const FOLDER: &str = "sys/devices/system/clocksource/clocksource0";
     let current = known!(

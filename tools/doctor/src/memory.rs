@@ -24,7 +24,6 @@ const AMPLE_BYTES: u64 = 512 * MIB;
 const ENOUGH_BYTES: u64 = 64 * MIB;
 
 /// Checks for transparent huge pages.
-#[must_use]
 pub(crate) fn huge_pages(tree: &dyn Tree) -> Finding {
     const FILE: &str = "sys/kernel/mm/transparent_hugepage/enabled";
     let text = match tree.read(FILE) {
@@ -45,7 +44,6 @@ pub(crate) fn huge_pages(tree: &dyn Tree) -> Finding {
 }
 
 /// Checks for memory that is or may be swapped out.
-#[must_use]
 pub(crate) fn swap(tree: &dyn Tree) -> Finding {
     let text = match tree.read("proc/swaps") {
         Ok(text) => text,
@@ -74,7 +72,6 @@ pub(crate) fn swap(tree: &dyn Tree) -> Finding {
 }
 
 /// Checks that `/dev/shm` is in memory and has space for this user; `state` is the state of the file system.
-#[must_use]
 pub(crate) fn shared_memory(tree: &dyn Tree, state: Option<SharedMemory>) -> Finding {
     let mounts = known!(SHARED_MEMORY, tree.read("proc/self/mounts"));
     let mount = "sudo mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs /dev/shm";

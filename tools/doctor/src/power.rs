@@ -16,7 +16,6 @@ const IDLE_STATES: Check = Check::new(
 );
 
 /// Checks the frequency governor of the chosen cores.
-#[must_use]
 pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {
     let folder = |core: u32| format!("sys/devices/system/cpu/cpu{core}/cpufreq");
     let mut governors = Vec::new();
@@ -68,7 +67,6 @@ struct IdleState {
 }
 
 /// Checks the exit latency of the deepest idle state of the chosen cores.
-#[must_use]
 pub(crate) fn idle_states(tree: &dyn Tree, cores: &Cores) -> Finding {
     let command_line = tree.read("proc/cmdline").unwrap_or_default();
     if boot::argument(&command_line, "idle") == Some("poll") {

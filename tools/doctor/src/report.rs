@@ -40,7 +40,6 @@ pub(crate) enum Verdict {
 
 impl Verdict {
     /// Derives the verdict from findings.
-    #[must_use]
     pub(crate) fn of(findings: &[Finding]) -> Self {
         let poor = |finding: &Finding| finding.grade == Grade::Poor;
         if findings.iter().any(poor) {
@@ -53,7 +52,6 @@ impl Verdict {
 
 impl Report {
     /// Formats the report for a person.
-    #[must_use]
     pub(crate) fn text(&self, colours: bool) -> String {
         let mut text = format!(
             "checked: cores {} of {}",

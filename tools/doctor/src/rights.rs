@@ -22,7 +22,6 @@ pub const LIMITS: &str = "printf '%s - rtprio 98\\n%s - memlock unlimited\\n' \"
     sudo tee /etc/security/limits.d/95-hil.conf # then log in again";
 
 /// Checks the right to use real-time priority.
-#[must_use]
 pub(crate) fn priority(tree: &dyn Tree) -> Finding {
     if has_capability(tree, SYS_NICE) {
         return PRIORITY.good("any (CAP_SYS_NICE)");
@@ -35,7 +34,6 @@ pub(crate) fn priority(tree: &dyn Tree) -> Finding {
 }
 
 /// Checks the amount of memory that this user may lock.
-#[must_use]
 pub(crate) fn locked_memory(tree: &dyn Tree) -> Finding {
     if has_capability(tree, IPC_LOCK) {
         return LOCKED_MEMORY.good("any amount (CAP_IPC_LOCK)");

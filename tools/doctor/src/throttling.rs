@@ -59,7 +59,6 @@ fn release(version: &str) -> Option<(u32, u32)> {
 }
 
 /// Checks whether real-time work that never sleeps is interrupted for a part of each second.
-#[must_use]
 pub(crate) fn throttling(tree: &dyn Tree, cores: &Cores) -> Finding {
     let number = |name: &str| tree.read(&format!("proc/sys/kernel/{name}"));
     let (runtime, period) = match (number("sched_rt_runtime_us"), number("sched_rt_period_us")) {

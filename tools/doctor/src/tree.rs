@@ -36,8 +36,7 @@ pub struct Root(PathBuf);
 
 impl Root {
     /// Creates the tree of the files below a folder.
-    #[must_use]
-    pub fn new(folder: &Path) -> Self {
+    pub(crate) fn new(folder: &Path) -> Self {
         Self(folder.to_owned())
     }
 

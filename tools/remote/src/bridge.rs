@@ -51,7 +51,7 @@ use life::{Action, Event, Exit, Life};
 /// gives up.
 const SHARE: f64 = 0.9;
 /// Sample periods without a sample after which the output of a target switches to the safe command.
-pub const MISSED_PERIODS: u32 = 20;
+pub(crate) const MISSED_PERIODS: u32 = 20;
 /// Interval between signs of life through the channel, and between checks of rarely changing states.
 const SIGN_NS: u64 = 250_000_000;
 /// Time limit for a controller to stop.

@@ -38,7 +38,7 @@ const MORE: u8 = 0x80;
 
 /// Item received through the channel.
 #[derive(Debug)]
-pub enum Heard<M> {
+pub(crate) enum Heard<M> {
     /// A message.
     Message(M),
     /// Part of a file.
@@ -50,15 +50,15 @@ pub enum Heard<M> {
 }
 
 /// Receiving end, on a thread of its own.
-pub struct Ear<M>(Receiver<Heard<M>>);
+pub(crate) struct Ear<M>(Receiver<Heard<M>>);
 
 /// Sending end, on a thread of its own, so that senders never wait for the other end.
 #[derive(Clone)]
-pub struct Mouth(SyncSender<(FrameContent, Vec<u8>)>);
+pub(crate) struct Mouth(SyncSender<(FrameContent, Vec<u8>)>);
 
 impl<M: DeserializeOwned + Send + 'static> Ear<M> {
     /// Starts receiving; `ring` is called after each received item.
-    pub fn listen(
+    pub(crate) fn listen(
         from: impl Read + Send + 'static,
         seal: Option<Arc<Seal>>,
         ring: impl Fn() + Send + 'static,
@@ -87,13 +87,13 @@ impl<M: DeserializeOwned + Send + 'static> Ear<M> {
 
     /// Returns the next item, if there is one.
     #[must_use]
-    pub fn next(&self) -> Option<Heard<M>> {
+    pub(crate) fn next(&self) -> Option<Heard<M>> {
         self.0.try_recv().ok()
     }
 
     /// Waits for the next item, up to the limit.
     #[must_use]
-    pub fn wait(&self, limit: std::time::Duration) -> Option<Heard<M>> {
+    pub(crate) fn wait(&self, limit: std::time::Duration) -> Option<Heard<M>> {
         self.0.recv_timeout(limit).ok()
     }
 }
@@ -166,7 +166,7 @@ fn wrong(what: &str) -> io::Error {
 
 impl Mouth {
     /// Starts sending to a writer.
-    pub fn speak(into: impl Write + Send + 'static, seal: Option<Arc<Seal>>) -> Self {
+    pub(crate) fn speak(into: impl Write + Send + 'static, seal: Option<Arc<Seal>>) -> Self {
         let (sender, frames) = sync_channel::<(FrameContent, Vec<u8>)>(WAITING);
         std::thread::spawn(move || {
             let mut writer = Writer {
@@ -187,7 +187,7 @@ impl Mouth {
     ///
     /// # Panics
     /// Never: messages are plain data, which always serialises.
-    pub fn say(&self, message: &impl Serialize) {
+    pub(crate) fn say(&self, message: &impl Serialize) {
         let content = serde_json::to_vec(message).expect("plain data serialises");
         let _ = self.0.send((FrameContent::Message, content)); // if closed, the receiving end reports it
     }
@@ -196,7 +196,7 @@ impl Mouth {
     ///
     /// # Panics
     /// Never: messages are plain data, which always serialises.
-    pub fn try_say(&self, message: &impl Serialize) -> bool {
+    pub(crate) fn try_say(&self, message: &impl Serialize) -> bool {
         let content = serde_json::to_vec(message).expect("plain data serialises");
         !matches!(
             self.0.try_send((FrameContent::Message, content)),
@@ -205,12 +205,12 @@ impl Mouth {
     }
 
     /// Sends a part of a file.
-    pub fn part(&self, part: Vec<u8>) {
+    pub(crate) fn part(&self, part: Vec<u8>) {
         let _ = self.0.send((FrameContent::Part, part)); // if closed, the receiving end reports it
     }
 
     /// Sends a packet, or drops it if the queue is full.
-    pub fn packet(&self, packet: &[u8]) {
+    pub(crate) fn packet(&self, packet: &[u8]) {
         let _ = self.0.try_send((FrameContent::Packet, packet.to_vec()));
     }
 }

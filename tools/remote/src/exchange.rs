@@ -216,14 +216,12 @@ impl DeskEnd {
     }
 
     /// Returns the number of the last frame passed to the plant.
-    #[must_use]
-    pub const fn heard(&self) -> u64 {
+    pub(crate) const fn heard(&self) -> u64 {
         self.ends.heard
     }
 
     /// Returns `true` while the plant's latest frame is unanswered.
-    #[must_use]
-    pub fn awaits_answer(&self) -> bool {
+    pub(crate) fn awaits_answer(&self) -> bool {
         self.wants_answer || !self.ends.is_heard()
     }
 }
@@ -252,8 +250,7 @@ impl TargetEnd {
     }
 
     /// Returns `true` if a frame is newer than those passed to the controller.
-    #[must_use]
-    pub const fn is_news(&self, frame: &Numbered) -> bool {
+    pub(crate) const fn is_news(&self, frame: &Numbered) -> bool {
         frame.number > self.ends.heard
     }
 
@@ -308,20 +305,17 @@ impl TargetEnd {
     }
 
     /// Returns `true` if the desk has not confirmed the controller's latest frame.
-    #[must_use]
-    pub fn has_unheard(&self) -> bool {
+    pub(crate) fn has_unheard(&self) -> bool {
         !self.ends.is_heard()
     }
 
     /// Returns the number of the last frame passed to the controller.
-    #[must_use]
-    pub const fn heard(&self) -> u64 {
+    pub(crate) const fn heard(&self) -> u64 {
         self.ends.heard
     }
 
     /// Returns the number of the controller's last frame.
-    #[must_use]
-    pub fn said(&self) -> u64 {
+    pub(crate) fn said(&self) -> u64 {
         self.ends.said()
     }
 }

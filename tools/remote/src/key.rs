@@ -66,7 +66,7 @@ pub fn make_key(path: &Path) -> Result<(), KeyError> {
 ///
 /// # Errors
 /// If others can read the file, or it holds no key.
-pub fn read_key(path: &Path) -> Result<Key, KeyError> {
+pub(crate) fn read_key(path: &Path) -> Result<Key, KeyError> {
     let failed = |error| KeyError::Io {
         path: path.into(),
         error,

@@ -35,7 +35,7 @@ pub mod name;
 pub mod packet;
 mod path;
 pub mod programs;
-pub mod route;
+pub(crate) mod route;
 pub mod seal;
 pub mod serve;
 mod sleep;

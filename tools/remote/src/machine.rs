@@ -68,7 +68,6 @@ impl Findings {
     }
 
     /// Examines this machine as an agent, with the folder of its cached programs.
-    #[must_use]
     pub(crate) fn of_agent(cache: Option<&Path>) -> Self {
         let own = std::env::current_exe().and_then(|own| hash(&own));
         Self {
@@ -134,8 +133,7 @@ pub fn built_for(program: &Path) -> io::Result<Option<String>> {
 }
 
 /// Returns the target of `cargo build` for static programs of a machine type.
-#[must_use]
-pub fn triple(machine: &str) -> Option<&'static str> {
+pub(crate) fn triple(machine: &str) -> Option<&'static str> {
     Some(match machine {
         "x86_64" => "x86_64-unknown-linux-musl",
         "aarch64" => "aarch64-unknown-linux-musl",

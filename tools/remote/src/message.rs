@@ -15,7 +15,7 @@ pub(crate) type Refusal = (bool, String);
 /// Message of the desk.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
-pub enum ToAgent {
+pub(crate) enum ToAgent {
     /// First message: identifies the program. Parts of its file follow if the agent requests them.
     Program {
         /// [`PROTOCOL`] of the desk.
@@ -54,7 +54,7 @@ pub enum ToAgent {
 
 /// Request for a run.
 #[derive(Debug, Serialize, Deserialize)]
-pub struct RunRequest {
+pub(crate) struct RunRequest {
     /// Content of the job file.
     pub job: String,
     /// Number of the controller in the session.
@@ -75,7 +75,7 @@ pub struct RunRequest {
 
 /// Rule for missing samples: after this time the target's output switches to the safe command.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Missed {
+pub(crate) struct Missed {
     /// Sample period in s.
     pub period_s: f64,
     /// Number of periods.
@@ -85,7 +85,7 @@ pub struct Missed {
 /// Message of the agent.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(tag = "message", rename_all = "kebab-case")]
-pub enum ToDesk {
+pub(crate) enum ToDesk {
     /// First message, sent without a request.
     Here {
         /// [`PROTOCOL`] of the agent.
@@ -171,15 +171,13 @@ pub enum ToDesk {
 }
 
 /// Returns the facts about a session on which both ends must agree; the handshake fails otherwise.
-#[must_use]
-pub fn prologue(blake3: &str, job: &str, epoch: u32) -> Vec<u8> {
+pub(crate) fn prologue(blake3: &str, job: &str, epoch: u32) -> Vec<u8> {
     let job = blake3::hash(job.as_bytes()).to_hex();
     format!("hil-target {PROTOCOL} desk-target {epoch} {blake3} {job}").into_bytes()
 }
 
 /// Formats bytes as hexadecimal digits.
-#[must_use]
-pub fn to_hex(bytes: &[u8]) -> String {
+pub(crate) fn to_hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

@@ -17,7 +17,7 @@ const MOST_FILES: usize = 8;
 /// Age at which a partial copy is obsolete: no desk waits that long for its next part.
 const PART_LIMIT: Duration = Duration::from_secs(300);
 /// Maximum length of a program in bytes.
-pub const MOST_BYTES: u64 = 512 << 20;
+pub(crate) const MOST_BYTES: u64 = 512 << 20;
 
 /// Programs that an agent may run.
 #[derive(Debug)]
@@ -52,7 +52,7 @@ impl AllowedPrograms {
     ///
     /// # Errors
     /// If a program cannot be read or is not executable.
-    pub fn listed(programs: &[PathBuf]) -> Result<Self, String> {
+    pub(crate) fn listed(programs: &[PathBuf]) -> Result<Self, String> {
         let listed = |program: &PathBuf| {
             let in_words = |error: io::Error| format!("{}: {error}", program.display());
             let metadata = fs::metadata(program).map_err(in_words)?;
@@ -144,7 +144,7 @@ impl AllowedPrograms {
 
 /// Program being received. Dropping the value before the program is complete removes the file.
 #[derive(Debug)]
-pub struct Storing {
+pub(crate) struct Storing {
     file: fs::File,
     blake3: String,
     part: PathBuf,
@@ -156,7 +156,7 @@ impl Storing {
     ///
     /// # Errors
     /// If the program is longer than announced or does not match its hash, or if there is no space.
-    pub fn take(&mut self, part: &[u8]) -> Result<bool, String> {
+    pub(crate) fn take(&mut self, part: &[u8]) -> Result<bool, String> {
         let in_words = |error: io::Error| format!("cannot store the program: {error}");
         let remaining = self.left.checked_sub(part.len() as u64);
         self.left = remaining.ok_or("the program is longer than announced")?;

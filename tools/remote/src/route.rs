@@ -12,7 +12,7 @@
 use std::fmt;
 
 /// Time without datagrams in ns after which the desk doubts the datagram path.
-pub const SILENCE_NS: u64 = 1_000_000_000;
+pub(crate) const SILENCE_NS: u64 = 1_000_000_000;
 /// Time in ns for which the arrival of a datagram at the target proves that others arrive. Shorter than
 /// [`SILENCE_NS`], because the proof must have expired when the desk begins to doubt.
 const PROOF_NS: u64 = SILENCE_NS / 2;
@@ -21,7 +21,7 @@ const NOTICE_NS: u64 = 60_000_000_000;
 
 /// Carrier of a packet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carrier {
+pub(crate) enum Carrier {
     /// Datagram.
     Datagram,
     /// Channel.
@@ -30,7 +30,7 @@ pub enum Carrier {
 
 /// Carriers of a packet to send.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Carriers {
+pub(crate) struct Carriers {
     /// `true` to send the packet as a datagram.
     pub datagram: bool,
     /// `true` to send the packet through the channel.
@@ -39,14 +39,14 @@ pub struct Carriers {
 
 /// Number of answers passed to the plant, by carrier.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Answers {
+pub(crate) struct Answers {
     datagrams: u64,
     channel: u64,
 }
 
 impl Answers {
     /// Counts an answer.
-    pub const fn note(&mut self, carrier: Carrier) {
+    pub(crate) const fn note(&mut self, carrier: Carrier) {
         match carrier {
             Carrier::Datagram => self.datagrams += 1,
             Carrier::Channel => self.channel += 1,
@@ -64,7 +64,7 @@ impl fmt::Display for Answers {
 
 /// Change of the route to report to the user.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Notice {
+pub(crate) enum Notice {
     /// No datagrams arrive: the frames go through the channel.
     Lost,
     /// Datagrams arrive again.
@@ -73,7 +73,7 @@ pub enum Notice {
 
 /// Route of packets from the desk.
 #[derive(Debug)]
-pub struct DeskRoute {
+pub(crate) struct DeskRoute {
     state: DeskState,
     /// Time of the last notice about lost datagrams in ns.
     noticed_ns: Option<u64>,
@@ -93,8 +93,7 @@ enum DeskState {
 
 impl DeskRoute {
     /// Creates the route of a run, with or without a socket for datagrams.
-    #[must_use]
-    pub const fn new(has_socket: bool) -> Self {
+    pub(crate) const fn new(has_socket: bool) -> Self {
         let state = if has_socket {
             DeskState::Unknown
         } else {
@@ -107,7 +106,7 @@ impl DeskRoute {
     }
 
     /// Notes that a sample was sent.
-    pub fn sent_sample(&mut self, now_ns: u64) {
+    pub(crate) fn sent_sample(&mut self, now_ns: u64) {
         match self.state {
             DeskState::Unknown => self.doubt(now_ns),
             DeskState::NoSocket | DeskState::Doubted { .. } | DeskState::Proven { .. } => {}
@@ -116,7 +115,7 @@ impl DeskRoute {
 
     /// Notes a datagram of the target, with or without a frame. Small datagrams may arrive where frames do not, so a
     /// datagram without a frame does not end the doubt.
-    pub fn received_datagram(&mut self, has_frame: bool, now_ns: u64) -> Option<Notice> {
+    pub(crate) fn received_datagram(&mut self, has_frame: bool, now_ns: u64) -> Option<Notice> {
         let is_noticed = match self.state {
             DeskState::Doubted { is_noticed, .. } => is_noticed,
             DeskState::NoSocket | DeskState::Unknown | DeskState::Proven { .. } => false,
@@ -129,7 +128,7 @@ impl DeskRoute {
     }
 
     /// Checks for elapsed times; to be called several times a second.
-    pub fn look(&mut self, now_ns: u64) -> Option<Notice> {
+    pub(crate) fn look(&mut self, now_ns: u64) -> Option<Notice> {
         let is_late = |since_ns: u64| now_ns.saturating_sub(since_ns) > SILENCE_NS;
         match self.state {
             DeskState::Proven { last_ns } if is_late(last_ns) => self.doubt(last_ns),
@@ -165,8 +164,7 @@ impl DeskRoute {
     }
 
     /// Returns the carriers of the next packet.
-    #[must_use]
-    pub const fn carriers(&self) -> Carriers {
+    pub(crate) const fn carriers(&self) -> Carriers {
         Carriers {
             datagram: !matches!(self.state, DeskState::NoSocket),
             channel: !matches!(self.state, DeskState::Proven { .. }),
@@ -176,7 +174,7 @@ impl DeskRoute {
 
 /// Route of packets from the target.
 #[derive(Debug, Default)]
-pub struct TargetRoute {
+pub(crate) struct TargetRoute {
     /// Time of the last datagram that proves that frames arrive as datagrams.
     proof_ns: Option<u64>,
     /// Number of the latest frame that arrived through the channel.
@@ -185,13 +183,12 @@ pub struct TargetRoute {
 
 impl TargetRoute {
     /// Creates the route of a run.
-    #[must_use]
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self::default()
     }
 
     /// Notes a packet of the desk, with the number of its frame.
-    pub fn received(&mut self, carrier: Carrier, frame: Option<u64>, now_ns: u64) {
+    pub(crate) fn received(&mut self, carrier: Carrier, frame: Option<u64>, now_ns: u64) {
         match carrier {
             Carrier::Channel => self.copied = self.copied.max(frame),
             // Small datagrams may arrive where frames do not: they prove nothing by themselves.
@@ -203,16 +200,14 @@ impl TargetRoute {
     }
 
     /// Returns `true` if frames of the desk arrive as datagrams.
-    #[must_use]
-    pub fn hears_datagrams(&self, now_ns: u64) -> bool {
+    pub(crate) fn hears_datagrams(&self, now_ns: u64) -> bool {
         let is_fresh = |proof_ns| now_ns.saturating_sub(proof_ns) <= PROOF_NS;
         self.proof_ns.is_some_and(is_fresh)
     }
 
     /// Returns the carriers of the reply to a packet without news for the controller; `has_frame` if the reply repeats
     /// the controller's latest frame.
-    #[must_use]
-    pub fn of_reply(&self, to: Carrier, has_frame: bool, now_ns: u64) -> Carriers {
+    pub(crate) fn of_reply(&self, to: Carrier, has_frame: bool, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);
         Carriers {
             // Without a frame it ends no doubt of the desk.
@@ -222,8 +217,7 @@ impl TargetRoute {
     }
 
     /// Returns the carriers of the controller's answer to the frame with this number.
-    #[must_use]
-    pub fn of_answer(&self, heard: u64, now_ns: u64) -> Carriers {
+    pub(crate) fn of_answer(&self, heard: u64, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);
         Carriers {
             datagram: is_proven,

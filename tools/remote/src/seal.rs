@@ -31,7 +31,7 @@ impl Key {
     ///
     /// # Errors
     /// If the system has no random numbers.
-    pub fn random() -> std::io::Result<Self> {
+    pub(crate) fn random() -> std::io::Result<Self> {
         let mut key = [0; KEY_BYTES];
         let mut filled = 0;
         while filled < KEY_BYTES {
@@ -41,8 +41,7 @@ impl Key {
     }
 
     /// Returns the key as hexadecimal digits, for its file or the channel.
-    #[must_use]
-    pub fn to_hex(&self) -> String {
+    pub(crate) fn to_hex(&self) -> String {
         blake3::Hash::from_bytes(self.0).to_hex().to_string()
     }
 
@@ -116,9 +115,6 @@ fn unsealed(_: snow::Error) -> Unsealed {
 pub struct Seal(StatelessTransportState);
 
 impl Seal {
-    /// Maximum length of sealed content in bytes.
-    pub const LONGEST: usize = 65_535 - TAG_BYTES;
-
     fn of(handshake: HandshakeState) -> Result<Self, Unsealed> {
         handshake
             .into_stateless_transport_mode()
@@ -129,7 +125,7 @@ impl Seal {
     /// Encrypts content into `sealed`, with a never-used number as nonce.
     ///
     /// # Errors
-    /// If the content is longer than [`Self::LONGEST`].
+    /// If the content is longer than 65,519 bytes, a Noise message without its tag.
     pub fn close(&self, number: u64, content: &[u8], sealed: &mut Vec<u8>) -> Result<(), Unsealed> {
         let from = sealed.len();
         sealed.resize(from + content.len() + TAG_BYTES, 0);

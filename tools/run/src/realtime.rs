@@ -43,14 +43,14 @@ pub(super) struct Watched {
 
 /// Core of the recorder's thread, which moves to that core by itself.
 #[derive(Clone)]
-pub struct RecorderCore {
+pub(crate) struct RecorderCore {
     asked: Option<u32>,
     granted: Arc<OnceLock<Granted<Option<u32>>>>,
 }
 
 impl RecorderCore {
     /// Moves the calling thread to the core.
-    pub fn apply(&self) {
+    pub(crate) fn apply(&self) {
         let pinned = self.asked.map_or(Ok(()), pin);
         let refused = pinned.err().map(|error| error.to_string());
         let core = only_core();

@@ -169,7 +169,11 @@ impl Recorder {
     /// than `limit`, the memory of the stream is corrupt, and the process is aborted, because nothing else would end
     /// the thread.
     #[must_use]
-    pub fn unblocked_by(mut self, limit: Option<Duration>, unblock: impl Fn() + 'static) -> Self {
+    pub(crate) fn unblocked_by(
+        mut self,
+        limit: Option<Duration>,
+        unblock: impl Fn() + 'static,
+    ) -> Self {
         self.way_out = Some(WayOut {
             unblock: Box::new(unblock),
             limit,
@@ -182,7 +186,7 @@ impl Recorder {
     ///
     /// # Errors
     /// If the user interrupts the wait.
-    pub fn recall(&self, interruption: &Interruption) -> Result<(), Failure> {
+    pub(crate) fn recall(&self, interruption: &Interruption) -> Result<(), Failure> {
         while !self.shared.recalled.load(Ordering::Acquire) {
             interruption.check()?;
             std::thread::sleep(LOOK);
@@ -191,34 +195,30 @@ impl Recorder {
     }
 
     /// Returns the step after the last recorded one.
-    #[must_use]
-    pub fn next_step(&self) -> u64 {
+    pub(crate) fn next_step(&self) -> u64 {
         self.shared.next_step.load(Ordering::Relaxed)
     }
 
     /// Adds facts to the recording that became known during the run.
-    pub fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
+    pub(crate) fn add_facts(&self, facts: impl IntoIterator<Item = (String, String)>) {
         let all = self.shared.facts.lock();
         (all.unwrap_or_else(PoisonError::into_inner)).extend(facts);
     }
 
     /// Returns the queue for queries about the state of the requirements.
-    #[must_use]
-    pub fn board(&self) -> Arc<Board> {
+    pub(crate) fn board(&self) -> Arc<Board> {
         Arc::clone(&self.shared.board)
     }
 
     /// Returns the changes of controllers after the first `known` ones.
-    #[must_use]
-    pub fn changes_after(&self, known: usize) -> Vec<ControllerChange> {
+    pub(crate) fn changes_after(&self, known: usize) -> Vec<ControllerChange> {
         let changes = self.shared.changes.lock();
         let changes = changes.unwrap_or_else(PoisonError::into_inner);
         changes.get(known..).unwrap_or_default().to_vec()
     }
 
     /// Returns `true` if recording failed, so that the run should stop.
-    #[must_use]
-    pub fn has_failed(&self) -> bool {
+    pub(crate) fn has_failed(&self) -> bool {
         self.shared.failed.load(Ordering::Acquire)
     }
 

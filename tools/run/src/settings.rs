@@ -103,7 +103,7 @@ impl ByHand {
     ///
     /// # Errors
     /// If a program is a script or a model.
-    pub fn check(self, binaries: &Binaries) -> Result<(), Failure> {
+    pub(crate) fn check(self, binaries: &Binaries) -> Result<(), Failure> {
         for side in self.roles() {
             let (name, binary) = (side.name(), binaries.of_side(side));
             if binary.host.is_some() {
@@ -199,7 +199,7 @@ impl Settings {
     }
 
     /// Returns the level of evidence that a run provides, as named in its recording and its summary.
-    pub fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
+    pub(crate) fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
         match (self.link, &controller.at) {
             (LinkKind::InProcess, _) => "in-process",
             (LinkKind::Iceoryx2, None) => "sil",

@@ -62,7 +62,7 @@ enum Process {
 
 impl SideProcess {
     /// Wraps a process that was started by hand and admitted.
-    pub fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
+    pub(crate) fn by_hand(name: &'static str, id: ProcessId, leash: UnixStream) -> Self {
         Self {
             name,
             process: Process::ByHand(leash),
@@ -156,7 +156,7 @@ impl SideProcess {
     }
 
     /// Returns the pending end, to wait for.
-    pub const fn ending(&self) -> Option<&Ending> {
+    pub(crate) const fn ending(&self) -> Option<&Ending> {
         match self.status {
             None => self.ending.as_ref(),
             Some(_) => None,
@@ -197,7 +197,7 @@ impl SideProcess {
     }
 
     /// Returns `true` if a signal has stopped the process.
-    pub fn is_stopped(&self) -> bool {
+    pub(crate) fn is_stopped(&self) -> bool {
         self.id.is_some_and(ProcessId::is_stopped)
     }
 
@@ -295,7 +295,7 @@ impl SideProcess {
     }
 
     /// Returns the last line of the output, without the prefix `error`.
-    pub fn last_word(&self) -> Option<String> {
+    pub(crate) fn last_word(&self) -> Option<String> {
         self.log.as_ref().and_then(Log::last_word)
     }
 

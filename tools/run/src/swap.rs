@@ -75,7 +75,7 @@ pub struct Swapped {
 }
 
 /// Checked controller that waits to be started.
-pub struct SwapRequest {
+pub(crate) struct SwapRequest {
     pub(crate) binary: Binary,
     /// Controller part of the scenario.
     pub(crate) law: ControllerPlan,

@@ -81,7 +81,7 @@ const GONE: &str = "not there";
 
 /// First difference between two runs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Difference {
+pub(crate) struct Difference {
     step: u64,
     time_s: f64,
     /// Name of a signal, `validity of` a signal, `faults`, or `record` if one run has ended.
@@ -225,14 +225,12 @@ impl Comparison {
     }
 
     /// Returns the digest of the first run.
-    #[must_use]
-    pub fn digest_of_a(&self) -> &str {
+    pub(crate) fn digest_of_a(&self) -> &str {
         &self.a.digest
     }
 
     /// Returns the first difference.
-    #[must_use]
-    pub const fn first_difference(&self) -> Option<&Difference> {
+    pub(crate) const fn first_difference(&self) -> Option<&Difference> {
         self.first_difference.as_ref()
     }
 

@@ -161,15 +161,14 @@ impl RecordedScenario {
     }
 
     /// Returns `true` if the controller could be late.
-    #[must_use]
-    pub fn is_against_clock(&self) -> bool {
+    pub(crate) fn is_against_clock(&self) -> bool {
         self.recorded.plan.run.clock == Clock::Realtime
     }
 
     /// Removes the real-time settings of the run, because timing is not reproduced and another machine may lack the
     /// cores.
     #[must_use]
-    pub fn for_any_machine(mut self) -> Self {
+    pub(crate) fn for_any_machine(mut self) -> Self {
         self.recorded.plan.realtime = Realtime::default();
         self
     }

@@ -58,11 +58,11 @@ const GATHER: Duration = Duration::from_millis(600);
 
 /// Model shared between threads behind a lock.
 #[derive(Clone)]
-pub struct SharedModel(pub(super) Arc<Mutex<Model>>);
+pub(crate) struct SharedModel(pub(super) Arc<Mutex<Model>>);
 
 impl SharedModel {
     /// Locks the model.
-    pub fn lock(&self) -> MutexGuard<'_, Model> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, Model> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

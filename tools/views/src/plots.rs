@@ -161,7 +161,6 @@ pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
 }
 
 /// Groups signals by unit into plots, with a limited number of signals in each.
-#[must_use]
 pub(crate) fn by_unit(columns: &[Column]) -> Vec<Plot> {
     let signals = columns.iter().map(Signal::of).collect();
     chunks("", signals, |one| one.unit, MOST[0])

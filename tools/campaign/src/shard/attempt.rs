@@ -109,14 +109,12 @@ impl<'a> Attempt<'a> {
     }
 
     /// Returns `true` if the row of the case is available.
-    #[must_use]
-    pub fn has(&self, case: u64) -> bool {
+    pub(crate) fn has(&self, case: u64) -> bool {
         self.rows.contains_key(&case)
     }
 
     /// Returns the number of workers that died while running the case.
-    #[must_use]
-    pub fn tries(&self, case: u64) -> u64 {
+    pub(crate) fn tries(&self, case: u64) -> u64 {
         self.tries.get(&case).copied().unwrap_or_default()
     }
 
@@ -124,7 +122,7 @@ impl<'a> Attempt<'a> {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn start(&mut self, case: u64) -> io::Result<()> {
+    pub(crate) fn start(&mut self, case: u64) -> io::Result<()> {
         self.journal.start(case)
     }
 
@@ -132,7 +130,7 @@ impl<'a> Attempt<'a> {
     ///
     /// # Errors
     /// If the journal cannot be written.
-    pub fn leave(&mut self, case: u64) -> io::Result<()> {
+    pub(crate) fn leave(&mut self, case: u64) -> io::Result<()> {
         self.journal.leave(case)
     }
 
@@ -222,8 +220,12 @@ impl<'a> Attempt<'a> {
 
 /// Returns the first column in which two rows of a case differ; `by` names the origin of the second row. A case that
 /// was set aside contradicts nothing.
-#[must_use]
-pub fn difference(first: &Row, second: &Row, columns: &[Column], by: &str) -> Option<Conflict> {
+pub(crate) fn difference(
+    first: &Row,
+    second: &Row,
+    columns: &[Column],
+    by: &str,
+) -> Option<Conflict> {
     if first == second || is_lost(first, columns) || is_lost(second, columns) {
         return None;
     }

@@ -16,7 +16,7 @@ const SEAL: &str = "hil-part-sum:";
 const DIGITS: usize = 64;
 
 /// Published rows, in the order of cases.
-pub struct Part {
+pub(crate) struct Part {
     /// Columns of results, then those of circumstances.
     columns: Vec<Values>,
     /// Number of columns of results.
@@ -24,8 +24,7 @@ pub struct Part {
 }
 
 /// Returns the columns of the circumstances of a row.
-#[must_use]
-pub fn circumstance_columns() -> Vec<Column> {
+pub(crate) fn circumstance_columns() -> Vec<Column> {
     let seconds = Column {
         unit: "s".into(),
         ..Column::new("wall_time_s", ColumnKind::Number)
@@ -124,7 +123,7 @@ impl Part {
 
     /// Returns the columns of results, each with a cell for each case in the order of cases.
     #[must_use]
-    pub fn results(&self) -> &[Values] {
+    pub(crate) fn results(&self) -> &[Values] {
         &self.columns[..self.results]
     }
 
@@ -136,7 +135,7 @@ impl Part {
 
     /// Returns the case numbers of the rows.
     #[must_use]
-    pub fn cases(&self) -> &[u64] {
+    pub(crate) fn cases(&self) -> &[u64] {
         match &self.columns[..] {
             [Values::Counts(cases), ..] => cases,
             _ => &[],
@@ -148,13 +147,13 @@ impl Part {
     /// # Panics
     /// If there is no such row.
     #[must_use]
-    pub fn row(&self, place: usize) -> Row {
+    pub(crate) fn row(&self, place: usize) -> Row {
         let columns = self.results().iter();
         columns.map(|column| column.cell(place)).collect()
     }
 
     /// Returns the rows of results.
-    pub fn rows(&self) -> impl Iterator<Item = Row> {
+    pub(crate) fn rows(&self) -> impl Iterator<Item = Row> {
         (0..self.cases().len()).map(|place| self.row(place))
     }
 
@@ -162,8 +161,7 @@ impl Part {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
-    pub fn circumstances_of(&self, place: usize) -> Circumstances {
+    pub(crate) fn circumstances_of(&self, place: usize) -> Circumstances {
         let of = &self.columns[self.results..];
         Circumstances {
             wall_s: of[0].number(place),

@@ -29,8 +29,7 @@ impl Cell {
     }
 
     /// Returns the number, or `None` for other kinds.
-    #[must_use]
-    pub const fn as_number(&self) -> Option<f64> {
+    pub(crate) const fn as_number(&self) -> Option<f64> {
         match self {
             Self::Number(value) => Some(*value),
             Self::Count(_) | Self::Text(_) => None,
@@ -38,8 +37,7 @@ impl Cell {
     }
 
     /// Returns the text; empty for other kinds.
-    #[must_use]
-    pub fn as_text(&self) -> &str {
+    pub(crate) fn as_text(&self) -> &str {
         match self {
             Self::Text(text) => text,
             Self::Count(_) | Self::Number(_) => "",
@@ -47,8 +45,7 @@ impl Cell {
     }
 
     /// Returns the count; 0 for other kinds.
-    #[must_use]
-    pub const fn as_count(&self) -> u64 {
+    pub(crate) const fn as_count(&self) -> u64 {
         match self {
             Self::Count(count) => *count,
             Self::Number(_) | Self::Text(_) => 0,
@@ -109,8 +106,7 @@ mod bits {
 }
 
 /// Returns `true` if the cells have the kinds of these columns.
-#[must_use]
-pub fn fits(row: &[Cell], columns: &[Column]) -> bool {
+pub(crate) fn fits(row: &[Cell], columns: &[Column]) -> bool {
     row.iter()
         .map(Cell::kind)
         .eq(columns.iter().map(|column| column.kind))

@@ -9,7 +9,7 @@ use parquet::file::reader::{FileReader, SerializedFileReader};
 use super::{Column, ColumnKind, TableError, Values};
 
 /// Table read into memory.
-pub struct Table {
+pub(crate) struct Table {
     /// Cells of the columns, all of the same length.
     pub columns: Vec<Values>,
     facts: Vec<KeyValue>,
@@ -17,8 +17,7 @@ pub struct Table {
 
 impl Table {
     /// Returns a metadata entry of the table by its key.
-    #[must_use]
-    pub fn fact(&self, key: &str) -> Option<&str> {
+    pub(crate) fn fact(&self, key: &str) -> Option<&str> {
         let entry = self.facts.iter().find(|fact| fact.key == key)?;
         entry.value.as_deref()
     }
@@ -28,7 +27,7 @@ impl Table {
 ///
 /// # Errors
 /// If the bytes are not a table, the columns differ, or the file was not written by [`Writer`](super::Writer).
-pub fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
+pub(crate) fn read(bytes: Vec<u8>, columns: &[Column]) -> Result<Table, TableError> {
     let other = |what: &str| TableError::Other(what.into());
     let file = SerializedFileReader::new(Bytes::from(bytes))?;
     let about = file.metadata().file_metadata();

@@ -20,8 +20,7 @@ const END: [u8; 4] = *b"PAR1";
 const END_BYTES: u64 = 8;
 
 /// Returns the metadata entry, as key and value, that reserves space for the checksum.
-#[must_use]
-pub fn unsealed() -> (&'static str, String) {
+pub(crate) fn unsealed() -> (&'static str, String) {
     ("sum", format!("{WORD}{}", "0".repeat(DIGITS)))
 }
 
@@ -29,7 +28,7 @@ pub fn unsealed() -> (&'static str, String) {
 ///
 /// # Errors
 /// If the file cannot be read or written, or has no space for the checksum.
-pub fn seal(file: &File) -> Result<(), TableError> {
+pub(crate) fn seal(file: &File) -> Result<(), TableError> {
     let place = place(file)?.ok_or_else(|| other("it has no space for a checksum"))?;
     file.write_all_at(&sum(file, place)?, place)?;
     Ok(())
@@ -40,7 +39,7 @@ pub fn seal(file: &File) -> Result<(), TableError> {
 ///
 /// # Errors
 /// If the file cannot be read, its end is missing, or its checksum does not match.
-pub fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableError> {
+pub(crate) fn checked_fact(path: &Path, name: &str) -> Result<Option<String>, TableError> {
     let file = File::open(path)?;
     let Some(place) = place(&file)? else {
         return Ok(None);

@@ -9,7 +9,7 @@ use super::{Cell, ColumnKind};
 
 /// Cells of one column.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Values {
+pub(crate) enum Values {
     /// Unsigned integers.
     Counts(Vec<u64>),
     /// Floating-point numbers.
@@ -37,7 +37,7 @@ impl Values {
     }
 
     /// Returns the number of cells.
-    pub const fn rows(&self) -> usize {
+    pub(crate) const fn rows(&self) -> usize {
         match self {
             Self::Counts(values) => values.len(),
             Self::Numbers(values) => values.len(),
@@ -58,8 +58,7 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
-    pub fn count(&self, row: usize) -> u64 {
+    pub(crate) fn count(&self, row: usize) -> u64 {
         match self {
             Self::Counts(values) => values[row],
             Self::Numbers(_) | Self::Texts(_) => 0,
@@ -71,7 +70,7 @@ impl Values {
     /// # Panics
     /// If there is no such row.
     #[must_use]
-    pub fn number(&self, row: usize) -> f64 {
+    pub(crate) fn number(&self, row: usize) -> f64 {
         match self {
             Self::Numbers(values) => values[row],
             Self::Counts(_) | Self::Texts(_) => f64::NAN,
@@ -82,8 +81,7 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
-    pub fn text(&self, row: usize) -> &str {
+    pub(crate) fn text(&self, row: usize) -> &str {
         match self {
             Self::Texts(values) => values.get(row),
             Self::Counts(_) | Self::Numbers(_) => "",
@@ -94,8 +92,7 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    #[must_use]
-    pub fn cell(&self, row: usize) -> Cell {
+    pub(crate) fn cell(&self, row: usize) -> Cell {
         match self {
             Self::Counts(values) => Cell::Count(values[row]),
             Self::Numbers(values) => Cell::Number(values[row]),
@@ -108,7 +105,7 @@ impl Values {
     ///
     /// # Panics
     /// If there is no such row.
-    pub fn feed(&self, row: usize, to: &mut Vec<u8>) {
+    pub(crate) fn feed(&self, row: usize, to: &mut Vec<u8>) {
         match self {
             Self::Counts(values) => to.extend_from_slice(&values[row].to_le_bytes()),
             Self::Numbers(values) => to.extend_from_slice(&values[row].to_bits().to_le_bytes()),
@@ -162,7 +159,7 @@ impl Values {
 
 /// Texts concatenated into one string, with the end of each.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Texts {
+pub(crate) struct Texts {
     text: String,
     ends: Vec<usize>,
 }

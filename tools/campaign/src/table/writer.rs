@@ -11,7 +11,7 @@ use super::{Cell, Column, ColumnKind, TableError, Values};
 const GROUP: usize = 1 << 16;
 
 /// Table open for writing, whose bytes depend only on its rows.
-pub struct Writer<W: Write + Send> {
+pub(crate) struct Writer<W: Write + Send> {
     file: TableFile<W>,
     /// Rows of the next row group.
     columns: Vec<Values>,
@@ -22,7 +22,7 @@ impl<W: Write + Send> Writer<W> {
     ///
     /// # Errors
     /// If the output cannot be written.
-    pub fn new(to: W, columns: &[Column]) -> Result<Self, TableError> {
+    pub(crate) fn new(to: W, columns: &[Column]) -> Result<Self, TableError> {
         let fields = columns.iter().map(|column| {
             let kind = match column.kind {
                 ColumnKind::Count => FieldKind::Count,
@@ -42,7 +42,10 @@ impl<W: Write + Send> Writer<W> {
     ///
     /// # Errors
     /// If the row does not match the columns, or the output cannot be written.
-    pub fn row<'a>(&mut self, row: impl IntoIterator<Item = &'a Cell>) -> Result<(), TableError> {
+    pub(crate) fn row<'a>(
+        &mut self,
+        row: impl IntoIterator<Item = &'a Cell>,
+    ) -> Result<(), TableError> {
         let mut cells = row.into_iter();
         let mut columns = self.columns.iter_mut();
         let fits = columns.all(|column| cells.next().is_some_and(|cell| column.push(cell)));
@@ -59,7 +62,7 @@ impl<W: Write + Send> Writer<W> {
     ///
     /// # Errors
     /// If the columns do not match those of the table, or the output cannot be written.
-    pub fn extend(&mut self, columns: &[&Values]) -> Result<(), TableError> {
+    pub(crate) fn extend(&mut self, columns: &[&Values]) -> Result<(), TableError> {
         let rows = columns.first().map_or(0, |column| column.rows());
         let actual = columns.iter().map(|column| (column.kind(), column.rows()));
         if !actual.eq(self.columns.iter().map(|column| (column.kind(), rows))) {
@@ -86,7 +89,7 @@ impl<W: Write + Send> Writer<W> {
     ///
     /// # Errors
     /// If the output cannot be written.
-    pub fn finish(mut self, facts: &[(&str, String)]) -> Result<W, TableError> {
+    pub(crate) fn finish(mut self, facts: &[(&str, String)]) -> Result<W, TableError> {
         self.group()?;
         let facts = facts.iter().map(|(key, value)| (*key, value.as_str()));
         Ok(self.file.finish(facts)?)
@@ -121,7 +124,8 @@ impl<W: Write + Send> Writer<W> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Row, Table, read};
+    use super::super::reader::Table;
+    use super::super::{Row, read};
     use super::*;
 
     fn columns() -> [Column; 3] {

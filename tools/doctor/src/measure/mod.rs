@@ -22,7 +22,6 @@ use super::finding::Grade;
 use super::tree::{Tree, Unread};
 
 /// Grades the longest delay by the limits customary among users of LinuxCNC.
-#[must_use]
 pub(crate) const fn jitter_grade(longest_ns: u64) -> Grade {
     match longest_ns {
         0..EXCELLENT_BELOW_NS => Grade::Good,
@@ -112,7 +111,7 @@ impl Class {
     ///
     /// # Errors
     /// If the kernel does not report it.
-    pub fn of_this_thread(tree: &dyn Tree) -> Result<Self, Unread> {
+    pub(crate) fn of_this_thread(tree: &dyn Tree) -> Result<Self, Unread> {
         const STAT: &str = "proc/thread-self/stat";
         let stat = tree.read(STAT)?;
         Self::parse(&stat).ok_or_else(|| Unread {
@@ -134,7 +133,7 @@ impl Class {
 
     /// Returns `true` if the class has precedence over all ordinary work.
     #[must_use]
-    pub const fn is_real_time(self) -> bool {
+    pub(crate) const fn is_real_time(self) -> bool {
         matches!(self.policy, 1 | 2 | 6)
     }
 }

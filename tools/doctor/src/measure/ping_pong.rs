@@ -126,7 +126,6 @@ fn answered(pair: &Pair, number: u64) -> bool {
 }
 
 /// Grades the exchange by its median, which shows the distance of the cores.
-#[must_use]
 pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Class) -> Finding {
     let figures = Percentiles::of(trips_ns);
     let grade = match figures.p50 {
@@ -145,7 +144,6 @@ pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Cl
 }
 
 /// Returns the finding for a machine with only one core.
-#[must_use]
 pub(crate) fn impossible() -> Finding {
     CHECK.unknown("needs two cores")
 }

@@ -85,7 +85,6 @@ fn sleep_until(due_ns: u64) -> io::Result<()> {
 }
 
 /// Grades the wake-ups by the latest one, because a single late step matters.
-#[must_use]
 pub(crate) fn finding(
     check: Check,
     wake_ups: &WakeUps,
@@ -118,7 +117,6 @@ pub(crate) struct Load {
 
 impl Load {
     /// Starts one thread per core, each of which computes and writes to memory continuously.
-    #[must_use]
     pub(crate) fn on(cores: &CoreList) -> Self {
         let stop = Arc::new(AtomicBool::new(false));
         let start = |core| {

@@ -59,7 +59,7 @@ impl From<WaitKind> for WaitStrategy {
 
 impl RealtimeArguments {
     /// Returns the given settings as `KEY=VALUE`.
-    pub fn as_set(&self) -> impl Iterator<Item = String> {
+    pub(crate) fn as_set(&self) -> impl Iterator<Item = String> {
         let number = |value: Option<u32>| value.map(|value| value.to_string());
         let flag = |given: bool| given.then(|| "true".to_owned());
         let wait = self.wait.map(|wait| WaitStrategy::from(wait).name().into());

@@ -31,7 +31,7 @@ use reached::Reached;
 use crate::arguments::BinaryArguments;
 
 mod answer;
-pub mod beside_desk;
+pub(crate) mod beside_desk;
 mod file;
 pub mod host;
 pub mod named;
@@ -225,7 +225,7 @@ impl Binary {
     ///
     /// # Errors
     /// If the plant is missing, cannot be executed or does not speak the protocol.
-    pub fn plant(
+    pub(crate) fn plant(
         given: Option<&Path>,
         named: &Named<'_>,
         interruption: &Interruption,

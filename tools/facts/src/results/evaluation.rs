@@ -23,7 +23,7 @@ impl RecordEvaluation {
     ///
     /// # Errors
     /// If the plan does not fit the columns.
-    pub fn new(
+    pub(crate) fn new(
         plan: &Plan,
         columns: &Columns,
         values: Range<usize>,

@@ -60,7 +60,7 @@ pub struct Recorded {
 
 impl Recorded {
     /// Creates the facts of a run before its first record.
-    pub fn begun() -> Self {
+    pub(crate) fn begun() -> Self {
         Self {
             answers: Some(Answers::default()),
             ..Self::default()

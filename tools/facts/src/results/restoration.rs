@@ -77,7 +77,7 @@ impl Check {
     }
 
     /// Describes a check, or its absence.
-    pub fn words(check: Option<&Self>) -> &str {
+    pub(crate) fn words(check: Option<&Self>) -> &str {
         check.map_or("not checked", |check| &check.text)
     }
 }

@@ -58,7 +58,7 @@ impl Target {
     }
 
     /// Returns the target of a recorded run, if it had one.
-    pub fn recorded<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Option<Self> {
+    pub(crate) fn recorded<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Option<Self> {
         let text_of = |name: &str| text::line(fact(name).unwrap_or_default());
         Some(Self {
             name: text::line(fact("target")?),

@@ -221,8 +221,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
 
 impl CommandLine {
     /// Parses the command line of this process; exits with a message if the command line is invalid.
-    #[must_use]
-    pub fn of_process() -> Self {
+    pub(crate) fn of_process() -> Self {
         let typed = inject::arrange(std::env::args_os());
         let matches = command().try_get_matches_from(&typed);
         matches
@@ -232,7 +231,6 @@ impl CommandLine {
 }
 
 /// Returns the clap command with its subcommands in groups.
-#[must_use]
 pub(crate) fn command() -> clap::Command {
     let mut command = CommandLine::command();
     command.build();

@@ -60,7 +60,7 @@ pub enum What {
 impl What {
     /// Returns the name as typed.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Plant => "plant",
             Self::Controller => "controller",

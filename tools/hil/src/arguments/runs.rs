@@ -107,7 +107,7 @@ pub struct RunChoice {
 
 impl RunChoice {
     /// Returns `true` if the choice excludes any runs.
-    pub fn is_a_rule(&self) -> bool {
+    pub(crate) fn is_a_rule(&self) -> bool {
         self.scenario.is_some() || !self.verdict.is_empty() || self.since.is_some()
     }
 }
@@ -131,7 +131,7 @@ pub enum Ending {
 impl Ending {
     /// Returns the name in tables and in JSON.
     #[must_use]
-    pub const fn name(self) -> &'static str {
+    pub(crate) const fn name(self) -> &'static str {
         match self {
             Self::Fail => "fail",
             Self::Aborted => "aborted",

@@ -46,8 +46,7 @@ pub struct Tolerances {
 
 impl Tolerances {
     /// Collects the typed tolerances; the last one for a signal wins.
-    #[must_use]
-    pub fn typed(tolerances: &[Tolerance]) -> Self {
+    pub(crate) fn typed(tolerances: &[Tolerance]) -> Self {
         let mut typed = Self::default();
         for Tolerance { signal, value } in tolerances {
             match signal {
@@ -64,8 +63,7 @@ impl Tolerances {
     }
 
     /// Replaces the names of signals.
-    #[must_use]
-    pub fn renamed(&self, rename: impl Fn(&str) -> String) -> Self {
+    pub(crate) fn renamed(&self, rename: impl Fn(&str) -> String) -> Self {
         let of = self.of.iter();
         Self {
             all: self.all,

@@ -80,7 +80,7 @@ fn rate(text: &str) -> Result<f64, String> {
 }
 
 /// Parses the width of a time axis.
-pub fn window(text: &str) -> Result<f64, String> {
+pub(crate) fn window(text: &str) -> Result<f64, String> {
     let window_s = seconds(text)?;
     if (1e-6..=86_400.0).contains(&window_s) {
         Ok(window_s)

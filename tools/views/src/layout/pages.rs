@@ -22,7 +22,6 @@ pub(crate) struct Page {
 }
 
 /// Groups the plots of these columns into pages, with the plots of the scenario if it is valid.
-#[must_use]
 pub(crate) fn of(columns: &[Column], plan: Option<&Plan>) -> Vec<Page> {
     let subject = plan.map_or_else(Subject::default, |plan| Subject {
         bounds: bounds(plan, plan.run.rate.seconds(Step(plan.run.steps))).0,

@@ -32,7 +32,6 @@ pub(crate) struct Asking {
 
 impl Asking {
     /// Starts querying a session, until it ends or this handle is dropped.
-    #[must_use]
     pub(crate) fn start(session: SessionInfo, model: SharedModel) -> Self {
         let (requests, receiver) = channel();
         let (answer, answers) = channel();
@@ -47,7 +46,6 @@ impl Asking {
     }
 
     /// Returns the newest answer to a queued request, formatted for the user.
-    #[must_use]
     pub(crate) fn answer(&self) -> Option<String> {
         self.answers.try_iter().last()
     }

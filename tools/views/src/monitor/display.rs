@@ -29,7 +29,6 @@ pub(crate) struct Abilities {
 
 impl Abilities {
     /// Reads the capabilities from the environment: the locale's character set, and `NO_COLOR`.
-    #[must_use]
     pub(crate) fn of_environment() -> Self {
         Self::by(|name| env::var(name).ok())
     }
@@ -89,7 +88,6 @@ pub(crate) struct Display {
 
 impl Display {
     /// Creates the initial state.
-    #[must_use]
     pub(crate) fn new(abilities: Abilities, window_s: f64, prepared: Vec<PreparedFault>) -> Self {
         Self {
             abilities,

@@ -85,13 +85,11 @@ impl Serving {
     }
 
     /// Returns the address of the server.
-    #[must_use]
     pub(crate) const fn address(&self) -> SocketAddr {
         self.address
     }
 
     /// Creates the consumer of the monitor's records, limited to `rate` records per second.
-    #[must_use]
     pub(crate) fn outlet(&self, plan: &Plan, records_per_s: f64) -> Outlet {
         Outlet::new(Arc::clone(&self.hub), plan.run.rate, records_per_s)
     }

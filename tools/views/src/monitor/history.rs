@@ -21,7 +21,6 @@ pub(crate) struct Range {
 
 impl Range {
     /// Creates the range of one value.
-    #[must_use]
     pub(crate) const fn of(value: f64) -> Self {
         Self {
             min: value,
@@ -108,7 +107,6 @@ impl History {
 
     /// Returns the extremes in each of `columns` columns of equal width, the last of which ends with step `last`;
     /// `None` for columns without a value. `steps` is the total width.
-    #[must_use]
     pub(crate) fn columns(&self, last: u64, steps: u64, columns: usize) -> Vec<Option<Range>> {
         let mut ranges = vec![None; columns];
         let count = columns as u64;

@@ -18,7 +18,6 @@ pub(crate) struct Keys {
 
 impl Keys {
     /// Starts reading the terminal, which must be in raw mode.
-    #[must_use]
     pub(crate) fn start() -> Self {
         let (sender, events) = channel();
         // Not joined: only a key wakes it.
@@ -48,7 +47,6 @@ impl Keys {
 }
 
 /// Returns `true` if standard input is a terminal or pipe whose other end is closed.
-#[must_use]
 pub(crate) fn input_is_gone() -> bool {
     let input = io::stdin();
     let mut polled = [PollFd::new(&input, PollFlags::empty())];

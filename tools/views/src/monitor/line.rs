@@ -7,7 +7,6 @@ use serde_json::{Map, Value, json};
 use super::model::{Ending, Judged, Model};
 
 /// Describes the end of the session, with the folder of its run.
-#[must_use]
 pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
     text += &match (&ending.verdict, ending.outcome) {
@@ -43,7 +42,6 @@ fn in_words<'a>(model: &Model, ending: &'a Ending) -> Option<&'a str> {
 }
 
 /// Describes the state of the session in one line.
-#[must_use]
 pub(crate) fn text(model: &Model, now_ns: u64) -> String {
     if let Some(ending) = model.ending() {
         return ended(model, ending);
@@ -88,7 +86,6 @@ pub(crate) fn text(model: &Model, now_ns: u64) -> String {
 }
 
 /// Returns the complete state as JSON. NaN and infinity become null.
-#[must_use]
 pub(crate) fn json(model: &Model, now_ns: u64) -> Value {
     let signals: Map<String, Value> = (model.values())
         .map(|(name, value)| (name, json!(value)))

@@ -8,7 +8,7 @@ use hil_facts::session::happening::Happening;
 
 /// Events of a run, merged from the stream and the recorder's account.
 #[derive(Debug, Default)]
-pub struct Log {
+pub(crate) struct Log {
     /// Events of the account received so far, followed by those that only the stream has delivered.
     list: Vec<Happening>,
     known: usize,
@@ -19,19 +19,16 @@ pub struct Log {
 
 impl Log {
     /// Returns all events in order.
-    #[must_use]
-    pub fn list(&self) -> &[Happening] {
+    pub(crate) fn list(&self) -> &[Happening] {
         &self.list
     }
 
     /// Returns the number of events received from the account.
-    #[must_use]
     pub(crate) const fn known(&self) -> usize {
         self.known
     }
 
     /// Returns a counter that changes when an event is inserted before existing ones, so that readers start over.
-    #[must_use]
     pub(crate) const fn edition(&self) -> u32 {
         self.edition
     }

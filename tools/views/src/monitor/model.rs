@@ -26,7 +26,7 @@ use hil_recording::reader::Column;
 
 /// End of the watched run.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Ending {
+pub(crate) struct Ending {
     /// Outcome in the record stream, if it was received.
     pub outcome: Option<Outcome>,
     /// Reason, if the run stopped early.
@@ -45,7 +45,7 @@ pub struct Ending {
 
 /// State of the requirements.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum Judged {
+pub(crate) enum Judged {
     /// No answer requested yet.
     #[default]
     Unknown,
@@ -66,7 +66,7 @@ struct Trace {
 }
 
 /// Watched session.
-pub struct Model {
+pub(crate) struct Model {
     /// Name of the session.
     pub session: String,
     /// Folder of the run, if it is recorded.
@@ -103,8 +103,12 @@ pub struct Model {
 
 impl Model {
     /// Creates the model of a session of which nothing has been observed yet.
-    #[must_use]
-    pub fn new(session: &str, run_dir: Option<PathBuf>, plan: Plan, patterns: &[String]) -> Self {
+    pub(crate) fn new(
+        session: &str,
+        run_dir: Option<PathBuf>,
+        plan: Plan,
+        patterns: &[String],
+    ) -> Self {
         Self {
             session: session.into(),
             run_dir,
@@ -176,7 +180,7 @@ impl Model {
     }
 
     /// Updates the model from an observation.
-    pub fn take(&mut self, seen: Seen<'_>) {
+    pub(crate) fn take(&mut self, seen: Seen<'_>) {
         match seen {
             // The status may report the newest step before the stream delivers its record.
             Seen::Record(record, _) if self.step.is_some_and(|step| record.step <= step) => {}
@@ -260,7 +264,7 @@ impl Model {
     }
 
     /// Marks the session as ended. `verdict` is the verdict of its summary, if there is one.
-    pub fn end(&mut self, verdict: Option<String>) {
+    pub(crate) fn end(&mut self, verdict: Option<String>) {
         let ending = self.ending.get_or_insert_default();
         ending.is_gone = true;
         ending.verdict = verdict;
@@ -269,7 +273,7 @@ impl Model {
     }
 
     /// Marks the session as ended without a summary; a recoverable recording may be left.
-    pub fn abandon(&mut self, is_recoverable: bool) {
+    pub(crate) fn abandon(&mut self, is_recoverable: bool) {
         self.end(None);
         let ending = self.ending.get_or_insert_default();
         ending.is_abandoned = true;
@@ -278,31 +282,30 @@ impl Model {
 
     /// Returns the active control law.
     #[must_use]
-    pub fn law(&self) -> &str {
+    pub(crate) fn law(&self) -> &str {
         &self.law
     }
 
     /// Returns the checked scenario.
     #[must_use]
-    pub const fn plan(&self) -> &Plan {
+    pub(crate) const fn plan(&self) -> &Plan {
         &self.plan
     }
 
     /// Returns the step rate.
     #[must_use]
-    pub const fn rate(&self) -> Rate {
+    pub(crate) const fn rate(&self) -> Rate {
         self.plan.run.rate
     }
 
     /// Returns a step's simulated time in s.
     #[must_use]
-    pub fn seconds(&self, step: u64) -> f64 {
+    pub(crate) fn seconds(&self, step: u64) -> f64 {
         self.rate().seconds(Step(step))
     }
 
     /// Returns the newest known step.
-    #[must_use]
-    pub fn step(&self) -> Option<u64> {
+    pub(crate) fn step(&self) -> Option<u64> {
         let reported = self.status.as_ref().map(|status| status.step);
         // The last record of a paused run is some steps older.
         if self.is_paused() {
@@ -313,32 +316,27 @@ impl Model {
     }
 
     /// Returns the step of the newest record.
-    #[must_use]
     pub(crate) const fn seen(&self) -> Option<u64> {
         self.step
     }
 
     /// Returns the first observed step, unless it was the first of the run.
-    #[must_use]
     pub(crate) fn joined_late(&self) -> Option<u64> {
         self.joined.filter(|step| *step > 0)
     }
 
     /// Returns `true` while the plant holds the run.
-    #[must_use]
     pub(crate) fn is_paused(&self) -> bool {
         self.status.as_ref().is_some_and(|status| status.paused)
     }
 
     /// Returns the end of the run, if it has ended.
-    #[must_use]
-    pub const fn ending(&self) -> Option<&Ending> {
+    pub(crate) const fn ending(&self) -> Option<&Ending> {
         self.ending.as_ref()
     }
 
     /// Returns `starting`, `running`, `paused` or `ended`.
-    #[must_use]
-    pub fn state(&self) -> &'static str {
+    pub(crate) fn state(&self) -> &'static str {
         if self.ending.is_some() {
             "ended"
         } else if self.is_paused() {
@@ -351,44 +349,39 @@ impl Model {
     }
 
     /// Returns the simulated seconds per wall-clock second.
-    #[must_use]
     pub(crate) fn speed(&self, now_ns: u64) -> Option<f64> {
         let steps_per_s = self.pace.steps_per_s(now_ns)?;
         Some(steps_per_s / self.rate().hz())
     }
 
     /// Returns the speed and the round trips.
-    #[must_use]
     pub(crate) const fn pace(&self) -> &Pace {
         &self.pace
     }
 
     /// Returns the plots.
     #[must_use]
-    pub fn plots(&self) -> &[Plot] {
+    pub(crate) fn plots(&self) -> &[Plot] {
         &self.plots
     }
 
     /// Returns the newest value of a drawn signal; NaN if there is none.
     #[must_use]
-    pub fn value(&self, signal: usize) -> f64 {
+    pub(crate) fn value(&self, signal: usize) -> f64 {
         self.trace(signal).map_or(f64::NAN, |trace| trace.value)
     }
 
     /// Returns the history of a drawn signal.
-    #[must_use]
     pub(crate) fn history(&self, signal: usize) -> Option<&History> {
         self.trace(signal).map(|trace| &trace.history)
     }
 
     /// Returns the number of observed changes of values and of controllers.
-    #[must_use]
     pub(crate) const fn retunings(&self) -> u64 {
         self.retunings
     }
 
     /// Returns the columns of the panel's readings; empty for the signals of the plots.
-    #[must_use]
     pub(crate) fn readings(&self) -> &[usize] {
         &self.readings
     }
@@ -411,20 +404,20 @@ impl Model {
     }
 
     /// Returns the name and newest value of every drawn signal.
-    pub fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
+    pub(crate) fn values(&self) -> impl Iterator<Item = (String, f64)> + '_ {
         let named = |trace: &Trace| (self.columns[trace.column].name.clone(), trace.value);
         self.traces.iter().map(named)
     }
 
     /// Returns the faults of the run.
     #[must_use]
-    pub fn faults(&self) -> &[FaultState] {
+    pub(crate) fn faults(&self) -> &[FaultState] {
         &self.faults
     }
 
     /// Returns the state of the requirements.
     #[must_use]
-    pub const fn judged(&self) -> &Judged {
+    pub(crate) const fn judged(&self) -> &Judged {
         &self.judged
     }
 
@@ -442,20 +435,18 @@ impl Model {
     }
 
     /// Returns `true` if the stream was observed from the beginning of the run without a loss.
-    #[must_use]
     pub(crate) const fn has_seen_all(&self) -> bool {
         self.lost == 0 && matches!(self.joined, Some(0))
     }
 
     /// Returns the event log.
-    #[must_use]
-    pub const fn log(&self) -> &Log {
+    pub(crate) const fn log(&self) -> &Log {
         &self.log
     }
 
     /// Returns the latest event.
     #[must_use]
-    pub fn note(&self) -> Option<&str> {
+    pub(crate) fn note(&self) -> Option<&str> {
         self.note.as_deref()
     }
 }

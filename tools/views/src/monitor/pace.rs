@@ -68,7 +68,6 @@ impl Pace {
     }
 
     /// Returns the steps per second; 0 if the newest step is a second old, `None` before there are two samples.
-    #[must_use]
     pub(crate) fn steps_per_s(&self, now_ns: u64) -> Option<f64> {
         let (first, newest) = (self.moments.front()?, self.newest?);
         if newest.0 + 1_000_000_000 < now_ns {
@@ -79,7 +78,6 @@ impl Pace {
     }
 
     /// Returns percentiles of the round trips in the time window; `None` if there are none.
-    #[must_use]
     pub(crate) fn round_trips(&self) -> Option<Percentiles> {
         let newest = self.seconds.iter().map(|(second, _)| *second).max()?;
         let mut all = Times::with_digits(DIGITS);

@@ -17,7 +17,7 @@ const MOST: usize = 32;
 
 /// Signals drawn in one plot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Plot {
+pub(crate) struct Plot {
     /// Heading.
     pub title: String,
     /// Unit of the signals.

@@ -97,7 +97,6 @@ impl Watch {
     }
 
     /// Returns `true` at the end of the records.
-    #[must_use]
     pub(crate) fn has_ended(&self) -> bool {
         self.thread.as_ref().is_none_or(JoinHandle::is_finished)
     }

@@ -27,7 +27,7 @@ const POINTS: u64 = 1;
 /// First message of a page.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Greeting {
+pub(crate) struct Greeting {
     /// Secret from the address.
     pub secret: String,
 }

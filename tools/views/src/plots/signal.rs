@@ -111,7 +111,6 @@ pub fn recorded_name(name: &str) -> String {
 ///
 /// `names` are the names and `aliases` pairs of alias and name. A pattern remains unchanged if it is an exact name, if
 /// it matches only names, or if it matches nothing.
-#[must_use]
 pub(crate) fn own_names<'a>(
     patterns: &[String],
     names: impl Iterator<Item = &'a str> + Clone,
@@ -168,7 +167,6 @@ pub(super) fn title(signals: &[Signal<'_>]) -> String {
 /// Returns labels that distinguish the curves of a plot, given its title: groups if the names are equal; names without
 /// their unit if they are short; otherwise group and the numbers behind the title's `*`, if these suffice. A single
 /// curve named by the title has no label.
-#[must_use]
 pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     let signals: Vec<Signal<'_>> = (plot.signals.iter())
         .map(|column| Signal::new(column, &plot.unit))

@@ -23,7 +23,7 @@ pub struct Envelope {
 /// Envelope in the encoding of the page.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
-pub enum Written {
+pub(crate) enum Written {
     /// Same value wherever the signal exists.
     Constant {
         /// Value.
@@ -47,7 +47,7 @@ pub enum Written {
 
 impl Envelope {
     /// Creates an envelope without values.
-    pub fn new(buckets: usize) -> Self {
+    pub(crate) fn new(buckets: usize) -> Self {
         Self {
             least: vec![f64::NAN; buckets],
             greatest: vec![f64::NAN; buckets],
@@ -56,7 +56,7 @@ impl Envelope {
 
     /// Adds a value; NaN is ignored.
     #[inline]
-    pub fn take(&mut self, bucket: usize, value: f64) {
+    pub(crate) fn take(&mut self, bucket: usize, value: f64) {
         if value.is_nan() {
             return;
         }
@@ -76,7 +76,7 @@ impl Envelope {
     }
 
     /// Returns `true` if there is any value.
-    pub fn exists(&self) -> bool {
+    pub(crate) fn exists(&self) -> bool {
         self.least.iter().any(|value| !value.is_nan())
     }
 
@@ -122,7 +122,7 @@ impl Envelope {
     }
 
     /// Returns the encoding for the page.
-    pub fn written(&self) -> Written {
+    pub(crate) fn written(&self) -> Written {
         if let Some(value) = self.constant() {
             return Written::Constant { value };
         }

@@ -21,7 +21,7 @@ pub struct BesideDesk {
 impl BesideDesk {
     /// Compares a controller on a target with the one that would run at the desk; `None` if that is the same file or
     /// another program.
-    pub fn of(there: &Binary, desk: &Choice, interruption: &Interruption) -> Option<Self> {
+    pub(crate) fn of(there: &Binary, desk: &Choice, interruption: &Interruption) -> Option<Self> {
         let machine = |path: &Path| built_for(path).ok().flatten();
         if machine(&there.path)? == machine(&desk.path)? {
             return None;

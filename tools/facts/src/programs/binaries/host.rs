@@ -52,7 +52,7 @@ impl Host {
     ///
     /// # Errors
     /// If there is no host.
-    pub fn of(choice: &Choice, side: &'static str) -> Result<Option<Self>, String> {
+    pub(crate) fn of(choice: &Choice, side: &'static str) -> Result<Option<Self>, String> {
         if !is_model(&choice.path) {
             return Ok(None);
         }

@@ -105,7 +105,7 @@ pub struct Choice {
 
 impl Choice {
     /// Selects a program without further requirements.
-    pub fn new(path: PathBuf, by: NamedBy) -> Self {
+    pub(crate) fn new(path: PathBuf, by: NamedBy) -> Self {
         Self {
             path,
             by,

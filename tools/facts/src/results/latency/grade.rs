@@ -30,8 +30,7 @@ pub enum Grade {
 
 impl Grade {
     /// Returns the grade of a latency.
-    #[must_use]
-    pub const fn of(ns: u64) -> Self {
+    pub(crate) const fn of(ns: u64) -> Self {
         match ns {
             0..EXCELLENT_BELOW_NS => Self::Excellent,
             EXCELLENT_BELOW_NS..GOOD_BELOW_NS => Self::Good,
@@ -80,8 +79,7 @@ pub enum Leg {
 impl Graded {
     /// Grades steps by their round trips, the number of steps without a command, and their releases; `None` if no
     /// command arrived.
-    #[must_use]
-    pub fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {
+    pub(crate) fn of(round_trip: &Times, without_command: u64, release: &Times) -> Option<Self> {
         const SHARE: f64 = 0.9999;
         let round_trip_ns = round_trip.at_quantile_with_longer(SHARE, without_command);
         let release_ns = release.at_quantile(SHARE);

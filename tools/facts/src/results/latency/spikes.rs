@@ -101,8 +101,7 @@ impl Spike {
     }
 
     /// Describes step, delay of its sample, and thread events.
-    #[must_use]
-    pub fn describe_release(&self) -> String {
+    pub(crate) fn describe_release(&self) -> String {
         let (step, late) = (self.step, shown_ns(self.late_ns));
         format!("step {step}, {late} late; {}", self.surroundings())
     }
@@ -236,7 +235,6 @@ impl Spikes {
     }
 
     /// Returns the worst steps, longest first.
-    #[must_use]
     pub(crate) fn worst(&self) -> &[Spike] {
         &self.worst
     }

@@ -95,7 +95,6 @@ impl Times {
 
     /// Returns the same quantile on the assumption that `longer` more times exist, all above the measured ones: the
     /// maximum, if the quantile falls among them.
-    #[must_use]
     pub(crate) fn at_quantile_with_longer(&self, quantile: f64, longer: u64) -> u64 {
         let count = self.len();
         let rank = (quantile * (count + longer) as f64).ceil() as u64;

@@ -19,7 +19,6 @@ const EVIDENCE: [&str; 5] = ["in-process", "sil", "sil-emulated", "pil", "hil"];
 
 impl Summary {
     /// Creates the summary of a run from its recording.
-    #[must_use]
     pub(crate) fn of_recording(run: &RecordedRun, reader: &RunReader, ended: &EndedRun) -> Self {
         let plan = &run.plan;
         let fact = |name| reader.fact(name).unwrap_or_default();

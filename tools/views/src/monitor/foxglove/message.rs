@@ -27,7 +27,6 @@ pub(crate) enum ClientMessage {
 }
 
 /// Parses a message of a client.
-#[must_use]
 pub(crate) fn asked(text: &str) -> ClientMessage {
     let message: Value = serde_json::from_str(text).unwrap_or_default();
     let list = |key: &str| message[key].as_array().map_or(&[][..], Vec::as_slice);
@@ -47,13 +46,11 @@ pub(crate) fn asked(text: &str) -> ClientMessage {
 }
 
 /// Returns `true` for an existing channel.
-#[must_use]
 pub(crate) const fn is_channel(channel: u64) -> bool {
     matches!(channel, RECORDS | EVENTS)
 }
 
 /// Returns the first message to every client, which identifies the server.
-#[must_use]
 pub(crate) fn server_info(session: &SessionInfo, scenario: &str) -> String {
     json!({
         "op": "serverInfo",
@@ -66,7 +63,6 @@ pub(crate) fn server_info(session: &SessionInfo, scenario: &str) -> String {
 }
 
 /// Returns the announcement of the channels, with the names, encodings and schemas of a recording.
-#[must_use]
 pub(crate) fn advertise(layout: &RecordLayout) -> String {
     json!({
         "op": "advertise",
@@ -104,7 +100,6 @@ pub(crate) struct Data {
 }
 
 /// Encodes a record or an event for a subscription, at its simulated time.
-#[must_use]
 pub(crate) fn data(subscription: u32, data: &Data) -> Vec<u8> {
     let mut message = Vec::with_capacity(13 + data.payload.len());
     message.push(MESSAGE_DATA);
@@ -126,21 +121,18 @@ fn status(level: Level, message: &str, id: &str) -> String {
 }
 
 /// Returns the status message for an unsupported request.
-#[must_use]
 pub(crate) fn refused(what: &str) -> String {
     let text = format!("{what} is not supported: this server is read-only");
     status(Level::Warning, &text, "refused")
 }
 
 /// Returns the warning about dropped messages.
-#[must_use]
 pub(crate) fn left_out(count: u64) -> String {
     let text = format!("{count} messages were dropped: the connection is too slow");
     status(Level::Warning, &text, "slow")
 }
 
 /// Returns the status message for the end of the session.
-#[must_use]
 pub(crate) fn ended(last_word: &str) -> String {
     status(Level::Info, last_word, "ended")
 }
