@@ -46,15 +46,15 @@ impl<'a> DbcFiles<'a> {
         let name = reader.text(section, "dbc").ok_or(())?;
         let message = reader.text(section, "message").ok_or(())?;
         let dbc = self.file(reader, section, name).ok_or(())?;
-        let found = dbc.message(message);
-        if found.is_none() {
+        let entry = dbc.message(message);
+        if entry.is_none() {
             let text = format!("`{name}` has no message `{message}`");
             let names = dbc.messages.iter().map(|message| message.name.as_str());
             reader
                 .report_at(section, "message", ProblemKind::UnknownName, text)
                 .one_of(message, names);
         }
-        found.cloned().map(Some).ok_or(())
+        entry.cloned().map(Some).ok_or(())
     }
 
     fn file(&mut self, reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<&Dbc> {

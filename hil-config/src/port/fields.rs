@@ -105,7 +105,7 @@ fn field(
     let kinds = FIELDS.iter().map(|kind| (kind.name, kind.keys));
     let (kind, own) = reader.of_kind(section, "field", kinds)?;
     without_effect(reader, section, "path", "in a frame of bytes");
-    let (bits, encoding, given) = match context.message {
+    let (bits, encoding, dbc_signal) = match context.message {
         Some(message) => {
             let signal = of_message(reader, section, message)?;
             for key in ["type", "order", "byte", "bit", "scale", "offset"] {
@@ -119,12 +119,12 @@ fn field(
             (bits, encoding, None)
         }
     };
-    let mut default_name = given.map_or(kind, |signal| &signal.name).to_owned();
+    let mut default_name = dbc_signal.map_or(kind, |signal| &signal.name).to_owned();
     let content = match kind {
         "signal" => {
             let named = named(reader, &own, context)?;
-            let number = number(reader, &own, &named, encoding, bits.width(), given)?;
-            if given.is_none() {
+            let number = number(reader, &own, &named, encoding, bits.width(), dbc_signal)?;
+            if dbc_signal.is_none() {
                 default_name.clone_from(&named.signal.name);
             }
             Content::Signal(named.signal, number)

@@ -35,7 +35,7 @@ enum Form {
         counter: Option<(usize, Counter)>,
         slots: Box<[Slot]>,
         /// Value of each field in the line at hand.
-        values: Box<[Option<Found>]>,
+        values: Box<[Option<JsonValue>]>,
     },
 }
 
@@ -47,7 +47,7 @@ enum Constant {
 
 /// Value of a JSON field.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Found {
+enum JsonValue {
     Number(f64),
     NotFinite,
     Null,
@@ -252,8 +252,8 @@ impl Unpacker {
                     let field = *field;
                     let is_same = match (constant, values[field]) {
                         (_, None) => return Err(Refusal::Absent { field }),
-                        (Constant::Number(one), Some(Found::Number(other))) => *one == other,
-                        (Constant::Text(_), Some(Found::Text(is_same))) => is_same,
+                        (Constant::Number(one), Some(JsonValue::Number(other))) => *one == other,
+                        (Constant::Text(_), Some(JsonValue::Text(is_same))) => is_same,
                         _ => false,
                     };
                     if !is_same {
@@ -278,7 +278,7 @@ impl Unpacker {
                 None => return Ok(0),
                 Some((field, counter)) => match values[*field] {
                     None => return Err(Refusal::Absent { field: *field }),
-                    Some(Found::Number(number)) if number >= 0.0 && number.fract() == 0.0 => {
+                    Some(JsonValue::Number(number)) if number >= 0.0 && number.fract() == 0.0 => {
                         (*field, *counter, number as u64) // saturates
                     }
                     Some(_) => return Err(Refusal::NotANumber { field: *field }),
@@ -337,19 +337,19 @@ impl Unpacker {
                 for slot in slots.iter() {
                     let field = slot.field;
                     let refusal = match values[field] {
-                        Some(Found::Number(number)) => {
+                        Some(JsonValue::Number(number)) => {
                             take(row, slot, slot.number.decode(number.to_bits()));
                             continue;
                         }
-                        Some(Found::Null) => {
+                        Some(JsonValue::Null) => {
                             take(row, slot, Decoded::Invalid);
                             continue;
                         }
-                        Some(Found::NotFinite) => {
+                        Some(JsonValue::NotFinite) => {
                             take(row, slot, Decoded::NotFinite);
                             continue;
                         }
-                        Some(Found::Text(_)) => Refusal::NotANumber { field },
+                        Some(JsonValue::Text(_)) => Refusal::NotANumber { field },
                         None => Refusal::Absent { field },
                     };
                     self.counts.refused_fields += 1;
@@ -366,7 +366,7 @@ fn scan(
     bytes: &[u8],
     paths: &[Path],
     constants: &[(usize, Constant)],
-    values: &mut [Option<Found>],
+    values: &mut [Option<JsonValue>],
 ) -> Result<(), Refusal> {
     values.fill(None);
     let mut next = 0;
@@ -378,11 +378,11 @@ fn scan(
         };
         next = field + 1;
         values[field] = Some(match leaf {
-            Leaf::Number(number) => Found::Number(number),
-            Leaf::Boolean(truth) => Found::Number(f64::from(truth)),
-            Leaf::NotFinite => Found::NotFinite,
-            Leaf::Null => Found::Null,
-            Leaf::Text(text) => Found::Text(constants.iter().any(|(other, constant)| {
+            Leaf::Number(number) => JsonValue::Number(number),
+            Leaf::Boolean(truth) => JsonValue::Number(f64::from(truth)),
+            Leaf::NotFinite => JsonValue::NotFinite,
+            Leaf::Null => JsonValue::Null,
+            Leaf::Text(text) => JsonValue::Text(constants.iter().any(|(other, constant)| {
                 let is_constant =
                     |expected: &Constant| matches!(expected, Constant::Text(expected) if expected.as_bytes() == text);
                 *other == field && is_constant(constant)

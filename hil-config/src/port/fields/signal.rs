@@ -40,7 +40,7 @@ pub(super) fn named(
     };
     // A validity bit has no unit.
     let has_unit = own.keys.iter().any(|key| key.name == "signal_unit");
-    let given_unit = match own.table.get("signal_unit").filter(|_| has_unit) {
+    let table_unit = match own.table.get("signal_unit").filter(|_| has_unit) {
         Some(_) => Some(reader.text(own, "signal_unit")?),
         None => None,
     };
@@ -54,7 +54,7 @@ pub(super) fn named(
             );
             return None;
         }
-        let unit = given_unit.unwrap_or_else(|| unit_of(name)).to_owned();
+        let unit = table_unit.unwrap_or_else(|| unit_of(name)).to_owned();
         let name = name.into();
         return Some(Named {
             signal: Signal { kind, name, unit },
@@ -73,7 +73,7 @@ pub(super) fn named(
             .one_of(text, all.iter().map(String::as_str));
         return None;
     };
-    if let Some(unit) = given_unit.filter(|unit| *unit != field.unit) {
+    if let Some(unit) = table_unit.filter(|unit| *unit != field.unit) {
         let message = format!("`{text}` has the unit `{}`, not `{unit}`", field.unit);
         reader
             .report_at(own, "signal_unit", ProblemKind::Mismatch, message)
@@ -97,10 +97,10 @@ pub(super) fn number(
     named: &Named,
     encoding: Encoding,
     width: u32,
-    given: Option<&DbcSignal>,
+    dbc_signal: Option<&DbcSignal>,
 ) -> Option<Number> {
-    let (to_signal, to_wire, unit) = conversions(reader, own, named, given)?;
-    let wire = match given {
+    let (to_signal, to_wire, unit) = conversions(reader, own, named, dbc_signal)?;
+    let wire = match dbc_signal {
         Some(signal) => signal.wire,
         None => {
             let (factor, offset) = (reader.number(own, "scale"), reader.number(own, "offset"));
@@ -112,7 +112,7 @@ pub(super) fn number(
     };
     let range = match own.table.get("range") {
         Some(entry) => Some(reader.pair(&own.path_of("range"), &entry.node, &unit)?),
-        None => given.and_then(|signal| signal.range),
+        None => dbc_signal.and_then(|signal| signal.range),
     };
     let invalid = match own.table.get("invalid") {
         Some(_) => Some(reader.integer(own, "invalid")?.unsigned_abs()),
@@ -167,14 +167,14 @@ fn conversions(
     reader: &mut Reader,
     own: &Section<'_>,
     named: &Named,
-    given: Option<&DbcSignal>,
+    dbc_signal: Option<&DbcSignal>,
 ) -> Option<(Conversion, Conversion, String)> {
     let signal_unit = named.signal.unit.as_str();
     let own_unit = match own.table.get("unit") {
         Some(_) => Some(reader.text(own, "unit")?),
         None => None,
     };
-    let of_dbc = given
+    let of_dbc = dbc_signal
         .map(|signal| signal.unit.as_str())
         .filter(|unit| !unit.is_empty());
     let unit = own_unit.or(of_dbc).unwrap_or(signal_unit);
