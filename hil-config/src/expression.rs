@@ -16,7 +16,7 @@
 //!             | name of a derived signal
 //! group       = "truth" | "measured" | "reference" | "command" | "applied" | "internal"
 //!             | "sensed" | "stimulus" | "parameter"
-//! call        = ("abs" | "sqrt") "(" expression ")"
+//! call        = ("abs" | "sqrt" | "valid") "(" expression ")"
 //!             | ("min" | "max") "(" expression "," expression ")"
 //!             | reduction "(" expression ")"
 //! reduction   = "max_abs" | "max" | "min" | "mean" | "rms" | "initial" | "final" | "integral"
@@ -33,7 +33,8 @@
 //!
 //! **A missing value** is NaN, like the command in the final record, and so is the root of a negative number. Any
 //! result computed from it is missing too, including comparisons and `and`, `or`, `not`, `min`, `max`. A reduction
-//! skips rows where its expression is missing and counts them; over no row at all its own result is missing.
+//! skips rows where its expression is missing and counts them; over no row at all its own result is missing. Only
+//! `valid` makes a number of it: 1 where its expression has a value, 0 where it is missing.
 //!
 //! **Reductions** ([`ReductionKind`]) turn the rows of a window into one number. A metric needs at least one and may
 //! compute with them, as in `max(x) - min(x)`; a derived signal has none.
