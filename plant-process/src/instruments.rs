@@ -6,6 +6,7 @@
 
 use hil_config::plan::{Instrument, Stage};
 use shared_types::describe::{Invalid, PlantDescription};
+use shared_types::quality::SignalSet;
 use shared_types::random::RandomStream;
 use shared_types::state::State;
 use shared_types::table::Field;
@@ -35,6 +36,8 @@ struct Chain {
     /// Full name of the signal.
     signal: String,
     stages: Vec<Box<dyn Fault>>,
+    /// Last valid value that went in, 0 before the first.
+    last: f64,
 }
 
 impl Instruments {
@@ -67,6 +70,7 @@ impl Instruments {
                         .collect::<Result<_, Invalid>>()
                         .map_err(|Invalid(why)| Invalid(format!("{side} of `{name}`: {why}")))?,
                     signal: name,
+                    last: 0.0,
                 })
             };
             all.iter().map(chain).collect::<Result<Vec<_>, Invalid>>()
@@ -79,19 +83,25 @@ impl Instruments {
         })
     }
 
-    /// Turns the model's readings into what is sensed.
+    /// Turns the model's readings into what is sensed. A sensor gets its last valid reading in place of an invalid one,
+    /// and hands the mark on with the value.
     ///
     /// # Errors
     /// If a value is no finite number any more.
     #[inline]
-    pub(crate) fn sense(&mut self, step: Step, row: &mut [f64]) -> Result<(), String> {
+    pub(crate) fn sense(
+        &mut self,
+        step: Step,
+        row: &mut [f64],
+        invalid: &mut SignalSet,
+    ) -> Result<(), String> {
         if self.sensors.is_empty() {
             return Ok(());
         }
         apply(
             &mut self.sensors,
             &moment(step, self.rate),
-            row,
+            (row, invalid),
             &mut self.row,
         )
     }
@@ -108,19 +118,22 @@ impl Instruments {
         apply(
             &mut self.actuators,
             &moment(step, self.rate),
-            row,
+            // An invalid command has been replaced by the last valid one.
+            (row, &mut SignalSet::EMPTY.clone()),
             &mut self.row,
         )
     }
 
-    /// Returns the state of all stages, in the order of the chains.
+    /// Returns the state of all stages, in the order of the chains, then what went into the sensors last.
     ///
     /// # Errors
     /// If one cannot be saved.
     pub(crate) fn save(&self) -> Result<Vec<State>, Invalid> {
         let chains = self.sensors.iter().chain(&self.actuators);
         let stages = chains.flat_map(|chain| &chain.stages);
-        stages.map(|stage| stage.save()).collect()
+        let last: Vec<f64> = self.sensors.iter().map(|chain| chain.last).collect();
+        let last = (!last.is_empty()).then(|| State::of(&last));
+        stages.map(|stage| stage.save()).chain(last).collect()
     }
 
     /// Puts a state back.
@@ -128,6 +141,14 @@ impl Instruments {
     /// # Errors
     /// If it is not one of these instruments.
     pub(crate) fn restore(&mut self, saved: &[State]) -> Result<(), Invalid> {
+        let mut saved = saved;
+        if let Some((last, stages)) = saved.split_last().filter(|_| !self.sensors.is_empty()) {
+            let last: Vec<f64> = last.read()?;
+            for (chain, last) in self.sensors.iter_mut().zip(last) {
+                chain.last = last;
+            }
+            saved = stages;
+        }
         let chains = self.sensors.iter_mut().chain(&mut self.actuators);
         let stages: Vec<_> = chains.flat_map(|chain| &mut chain.stages).collect();
         if stages.len() != saved.len() {
@@ -175,15 +196,21 @@ fn moment(step: Step, rate: Rate) -> Moment {
 fn apply(
     chains: &mut [Chain],
     at: &Moment,
-    row: &mut [f64],
+    (row, invalid): (&mut [f64], &mut SignalSet),
     before: &mut Vec<f64>,
 ) -> Result<(), String> {
     before.clear();
     before.extend_from_slice(row); // within the capacity it was made with
+    for chain in &mut *chains {
+        if invalid.contains(chain.place) {
+            before[chain.place] = chain.last;
+        }
+        chain.last = before[chain.place];
+    }
     for chain in chains {
         let mut reading = Reading {
             value: before[chain.place],
-            valid: true,
+            valid: !invalid.contains(chain.place),
         };
         for stage in &mut chain.stages {
             reading = stage.coupled(at, reading, before);
@@ -195,6 +222,11 @@ fn apply(
             ));
         }
         row[chain.place] = reading.value;
+        if reading.valid {
+            invalid.remove(chain.place);
+        } else {
+            invalid.insert(chain.place);
+        }
     }
     Ok(())
 }
