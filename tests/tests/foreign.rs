@@ -3,6 +3,7 @@
 mod connected;
 mod deeds;
 mod modes;
+mod quality;
 
 use std::fmt::Write;
 use std::mem::offset_of;
@@ -10,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hil_foreign::c::interface::{
-    Controller, Interval, Parameter, Plant, Rows, Sample, Setup, Signal,
+    Controller, Interval, Parameter, Plant, Quality, Rows, Sample, Setup, Signal,
 };
 
 use crate::support::board::Board;
@@ -318,6 +319,14 @@ fn the_structs_of_the_header_match_those_of_rust() {
     );
     same!(
         text,
+        "hil_quality",
+        Quality,
+        measured_invalid,
+        reference_invalid,
+        age_steps
+    );
+    same!(
+        text,
         "hil_plant",
         Plant,
         api,
@@ -337,7 +346,8 @@ fn the_structs_of_the_header_match_those_of_rust() {
         saved_size,
         save,
         restore,
-        end
+        end,
+        read
     );
     same!(
         text,
@@ -362,7 +372,8 @@ fn the_structs_of_the_header_match_those_of_rust() {
         saved_size,
         save,
         restore,
-        end
+        end,
+        answer
     );
     let source = rig.write("same.c", &text);
     let mut cc = Command::new("cc");

@@ -243,7 +243,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ),
         ("default", "`deed` has the default 21, outside 0 to 20"),
         ("flags", "`deed` of `parameters` has unknown flags: 64"),
-        ("api", "`api` is 99, but this library supports 1"),
+        ("api", "`api` is 99, but this library supports 2"),
         ("utf-8", "the summary of the plant is not UTF-8"),
         (
             "saving",
