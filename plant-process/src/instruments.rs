@@ -115,11 +115,12 @@ impl Instruments {
         if self.actuators.is_empty() {
             return Ok(());
         }
+        let mut invalid = SignalSet::EMPTY;
         apply(
             &mut self.actuators,
             &moment(step, self.rate),
             // An invalid command has been replaced by the last valid one.
-            (row, &mut SignalSet::EMPTY.clone()),
+            (row, &mut invalid),
             &mut self.row,
         )
     }

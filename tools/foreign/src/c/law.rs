@@ -147,6 +147,7 @@ impl Law for InC {
         internals: &mut [f64],
     ) -> Result<(), Failure> {
         let none = quality::SignalSet::EMPTY;
+        let mut held = none;
         let quality = quality::Quality {
             measured: &none,
             reference: &none,
@@ -155,7 +156,7 @@ impl Law for InC {
         let answer = controller::Answer {
             command,
             internals,
-            held: &mut none.clone(),
+            held: &mut held,
         };
         Law::answer(self, row, &quality, answer)
     }
