@@ -121,7 +121,7 @@ impl Guard {
     #[cold]
     fn first_bad(&self, row: &[f64], invalid: &SignalSet) -> Result<(), OutOfRange> {
         let is_bad = |(index, (field, value)): &(usize, (&Field, &f64))| {
-            !(value.is_finite() && field.admits(**value)) && !invalid.contains(*index)
+            !(invalid.contains(*index) || value.is_finite() && field.admits(**value))
         };
         let bad = (self.fields.iter().zip(row).enumerate()).find(is_bad);
         match bad {
