@@ -5,6 +5,7 @@
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
 use shared_types::failure::Failure;
+use shared_types::quality::{Quality, SignalSet};
 use shared_types::state::{State, StateOf};
 use shared_types::table::{self, Field, Table};
 
@@ -59,6 +60,19 @@ pub trait Controller: Sized + 'static {
 
     /// Returns the command that answers a sample.
     fn step(&mut self, sample: &Sample<Self>) -> (Self::Command, Self::Internals);
+
+    /// Answers a sample as [`step`](Controller::step) does, which it calls by default, and is called instead. The law
+    /// also gets the validity and age of each signal, and may mark commands in `held`: the plant keeps what it last
+    /// applied of them, and their value does not matter.
+    fn answer(
+        &mut self,
+        sample: &Sample<Self>,
+        quality: &Quality<'_>,
+        held: &mut SignalSet,
+    ) -> (Self::Command, Self::Internals) {
+        let _ = (quality, held);
+        self.step(sample)
+    }
 }
 
 /// Changes of a law's parameters during a run.
@@ -122,6 +136,20 @@ pub trait Law {
         internals: &mut [f64],
     ) -> Result<(), Failure>;
 
+    /// Answers a sample as [`step`](Law::step) does, with the validity and age of each signal; called instead of it.
+    ///
+    /// # Errors
+    /// As of [`step`](Law::step).
+    fn answer(
+        &mut self,
+        sample: &Row<'_>,
+        quality: &Quality<'_>,
+        answer: Answer<'_>,
+    ) -> Result<(), Failure> {
+        let _ = quality;
+        self.step(sample, answer.command, answer.internals)
+    }
+
     /// Checks that the law began with the parameters with which it was started. Called on the law that runs, not on a
     /// law that is only started to check whether later values of its parameters are consistent.
     ///
@@ -157,6 +185,17 @@ pub trait Law {
     fn retune(&mut self, _setup: &TunedRows<'_>, _transition: Transition) {}
 }
 
+/// Answer that a law writes, as rows.
+#[derive(Debug)]
+pub struct Answer<'a> {
+    /// Commands in the law's order.
+    pub command: &'a mut [f64],
+    /// Internals in the law's order.
+    pub internals: &'a mut [f64],
+    /// Commands that are not refreshed, whose values do not matter; none is marked at first.
+    pub held: &'a mut SignalSet,
+}
+
 /// Configuration of a tuned law, as rows in the order of its tables.
 #[derive(Clone, Copy, Debug)]
 pub struct TunedRows<'a> {
@@ -188,6 +227,18 @@ pub struct Row<'a> {
     pub held_steps: u32,
 }
 
+impl<C: Controller> Sample<C> {
+    fn of(row: &Row<'_>) -> Self {
+        Self {
+            time_s: row.time_s,
+            measured: C::Measured::from_row(row.measured),
+            reference: C::Reference::from_row(row.reference),
+            valid: row.valid,
+            held_steps: row.held_steps,
+        }
+    }
+}
+
 impl<C: Controller> Law for C {
     fn step(
         &mut self,
@@ -195,16 +246,22 @@ impl<C: Controller> Law for C {
         command: &mut [f64],
         internals: &mut [f64],
     ) -> Result<(), Failure> {
-        let sample = Sample {
-            time_s: row.time_s,
-            measured: C::Measured::from_row(row.measured),
-            reference: C::Reference::from_row(row.reference),
-            valid: row.valid,
-            held_steps: row.held_steps,
-        };
-        let (commanded, internal_table) = Controller::step(self, &sample);
+        let (commanded, internal_table) = Controller::step(self, &Sample::of(row));
         command.copy_from_slice(commanded.row());
         internals.copy_from_slice(internal_table.row());
+        Ok(())
+    }
+
+    fn answer(
+        &mut self,
+        row: &Row<'_>,
+        quality: &Quality<'_>,
+        answer: Answer<'_>,
+    ) -> Result<(), Failure> {
+        let sample = Sample::of(row);
+        let (commanded, internal_table) = Controller::answer(self, &sample, quality, answer.held);
+        answer.command.copy_from_slice(commanded.row());
+        answer.internals.copy_from_slice(internal_table.row());
         Ok(())
     }
 

@@ -6,7 +6,6 @@
 
 use hil_session::clock::monotonic_ns;
 use hil_session::thread::ThreadSampler;
-use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Saves;
 use shared_types::connection::renamed;
 use shared_types::describe::Invalid;
@@ -24,7 +23,9 @@ use shared_types::wait::{Sleeper, WaitLimit};
 
 use crate::controller::{Law, LawKind, Start};
 use crate::job::Job;
+use answering::{Held, Made};
 use converted::Converted;
+use quality::Tracked;
 use saved::SavedController;
 use tuning::{Found, Tuning, offered};
 
@@ -92,6 +93,7 @@ struct Bound {
     measured_places: Vec<usize>,
     reference_places: Vec<usize>,
     converted: Converted,
+    quality: Tracked,
     sample: Vec<f64>,
     measured: Vec<f64>,
     reference: Vec<f64>,
@@ -103,6 +105,8 @@ struct Bound {
     frame: Vec<f64>,
     /// Step of the sample on which each command is based; before the first sample, one period earlier.
     made: Made,
+    /// Commands of each of them that the law did not refresh.
+    held: Held,
     /// Step until which the last frame is repeated, if a directive delays the answer.
     late_until: Option<Step>,
     /// Values of the frame to send at `late_until`.
@@ -116,16 +120,6 @@ struct Bound {
     waiting: Option<Header>,
     /// Time of the last answer in ns; before the first answer, the creation time of this [`Bound`].
     sent_ns: u64,
-}
-
-/// Steps of the samples on which commands are based: for the last answer, the previous one, the last frame sent and the
-/// late one.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-struct Made {
-    answer: i64,
-    previous: i64,
-    frame: i64,
-    late: i64,
 }
 
 /// Selects the law of this name that is made for this plant, or for any plant.
@@ -380,6 +374,7 @@ impl<'a, L: Link> Runner<'a, L> {
             measured_places: places(SignalKind::Measured, &law.measured)?,
             reference_places: places(SignalKind::Reference, &law.reference)?,
             converted: Converted::of(law, connections),
+            quality: Tracked::new(&law.measured, connections, &welcome.sample),
             sample: vec![0.0; welcome.sample.len()],
             measured: vec![0.0; law.measured.len()],
             reference: vec![0.0; law.reference.len()],
@@ -395,6 +390,7 @@ impl<'a, L: Link> Runner<'a, L> {
                     late: before,
                 }
             },
+            held: Held::default(),
             late_until: None,
             late: vec![0.0; welcome.command.len()],
             last: None,
@@ -440,6 +436,7 @@ impl<'a, L: Link> Runner<'a, L> {
                     directive: bound.note(step, is_seen).to_wire(),
                     surroundings: bound.look(answered_ns),
                     age_steps,
+                    invalid: *bound.held.frame.words(),
                     ..Header::new(FrameKind::Command, step)
                 };
                 self.link.send(&answer, &bound.frame)?;
@@ -489,6 +486,7 @@ fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
 
 mod answering;
 mod converted;
+mod quality;
 mod saved;
 mod tuning;
 

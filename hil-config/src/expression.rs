@@ -16,7 +16,7 @@
 //!             | name of a derived signal
 //! group       = "truth" | "measured" | "reference" | "command" | "applied" | "internal"
 //!             | "input" | "sensed" | "stimulus" | "parameter" | "sensor" | "actuator"
-//! call        = ("abs" | "sqrt") "(" expression ")"
+//! call        = ("abs" | "sqrt" | "valid") "(" expression ")"
 //!             | ("min" | "max") "(" expression "," expression ")"
 //!             | reduction "(" expression ")"
 //! reduction   = "max_abs" | "max" | "min" | "mean" | "rms" | "initial" | "final" | "integral"
@@ -34,7 +34,7 @@
 //! **A missing value** is NaN, like the command in the final record, and so is the root of a negative number. Any
 //! result computed from a missing value is missing too, including comparisons and `and`, `or`, `not`, `min`, `max`. A
 //! reduction skips rows where its expression is missing and counts them; if it skips all rows, its own result is
-//! missing.
+//! missing. Only `valid` makes a number of a missing value: 1 where its expression has a value, 0 where it is missing.
 //!
 //! **Reductions** ([`ReductionKind`]) convert the rows of a window into one number. A metric needs at least one
 //! reduction and may compute with reductions, as in `max(x) - min(x)`; a derived signal has none.

@@ -8,6 +8,7 @@ use std::fmt;
 use hil_config::plan::Limit;
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::number::{exact, exact_in};
+use shared_types::quality::SignalSet;
 use shared_types::table::Field;
 
 /// Ranges of the signals of a row, in the order of the row.
@@ -99,22 +100,33 @@ impl Guard {
     /// The first signal that violates the limits.
     #[inline]
     pub fn check(&self, row: &[f64]) -> Result<(), OutOfRange> {
+        self.check_valid(row, &SignalSet::EMPTY)
+    }
+
+    /// Checks the signals of a row that are not marked as invalid.
+    ///
+    /// # Errors
+    /// The first signal that violates them.
+    #[inline]
+    pub(crate) fn check_valid(&self, row: &[f64], invalid: &SignalSet) -> Result<(), OutOfRange> {
         // All of them, without a branch: called at every step, and hardly ever violated.
         let fits =
             |all, ([min, max], value): (&[f64; 2], &f64)| all & (min <= value) & (value <= max);
         if self.ranges.iter().zip(row).fold(true, fits) {
             return Ok(());
         }
-        self.first_bad(row)
+        self.first_bad(row, invalid)
     }
 
     #[cold]
-    fn first_bad(&self, row: &[f64]) -> Result<(), OutOfRange> {
-        let bad = (self.fields.iter().zip(row))
-            .find(|(field, value)| !(value.is_finite() && field.admits(**value)));
+    fn first_bad(&self, row: &[f64], invalid: &SignalSet) -> Result<(), OutOfRange> {
+        let is_bad = |(index, (field, value)): &(usize, (&Field, &f64))| {
+            !(invalid.contains(*index) || value.is_finite() && field.admits(**value))
+        };
+        let bad = (self.fields.iter().zip(row).enumerate()).find(is_bad);
         match bad {
             None => Ok(()),
-            Some((field, &value)) => Err(OutOfRange {
+            Some((_, (field, &value))) => Err(OutOfRange {
                 signal: field.name.clone(),
                 value,
                 unit: field.unit.clone(),

@@ -5,6 +5,7 @@
 
 use hil_config::plan::{Instrument, Stage, taps_of};
 use shared_types::describe::{Invalid, PlantDescription};
+use shared_types::quality::SignalSet;
 use shared_types::random::RandomStream;
 use shared_types::state::State;
 use shared_types::table::Field;
@@ -36,6 +37,8 @@ struct Chain {
     stages: Vec<Box<dyn Fault>>,
     /// Indices of the stages whose input is recorded, ascending.
     taps: Vec<usize>,
+    /// Last valid value that went in, 0 before the first.
+    last: f64,
 }
 
 impl Instruments {
@@ -72,6 +75,7 @@ impl Instruments {
                         .map_err(|Invalid(why)| Invalid(format!("{side} of `{name}`: {why}")))?,
                     signal: name,
                     taps,
+                    last: 0.0,
                 })
             };
             all.iter().map(chain).collect::<Result<Vec<_>, Invalid>>()
@@ -84,7 +88,8 @@ impl Instruments {
         })
     }
 
-    /// Converts the model's readings into sensed values, and notes the recorded inputs in `taps`.
+    /// Converts the model's readings into sensed values, and notes the recorded inputs in `taps`. A sensor gets its last
+    /// valid reading in place of an invalid one, and passes the mark on with the value.
     ///
     /// # Errors
     /// If a value is no longer finite.
@@ -94,12 +99,18 @@ impl Instruments {
         step: Step,
         row: &mut [f64],
         taps: &mut [f64],
+        invalid: &mut SignalSet,
     ) -> Result<(), String> {
         if self.sensors.is_empty() {
             return Ok(());
         }
-        let at = moment(step, self.rate);
-        apply(&mut self.sensors, &at, row, taps, &mut self.row)
+        apply(
+            &mut self.sensors,
+            &moment(step, self.rate),
+            (row, invalid),
+            taps,
+            &mut self.row,
+        )
     }
 
     /// Converts the received commands into applied commands, and notes the recorded inputs in `taps`.
@@ -116,18 +127,27 @@ impl Instruments {
         if self.actuators.is_empty() {
             return Ok(());
         }
-        let at = moment(step, self.rate);
-        apply(&mut self.actuators, &at, row, taps, &mut self.row)
+        let mut invalid = SignalSet::EMPTY;
+        apply(
+            &mut self.actuators,
+            &moment(step, self.rate),
+            // An invalid command has been replaced by the last valid one.
+            (row, &mut invalid),
+            taps,
+            &mut self.row,
+        )
     }
 
-    /// Returns the state of all stages, in the order of the chains.
+    /// Returns the state of all stages, in the order of the chains, then what went into the sensors last.
     ///
     /// # Errors
     /// If the state of a stage cannot be saved.
     pub(crate) fn save(&self) -> Result<Vec<State>, Invalid> {
         let chains = self.sensors.iter().chain(&self.actuators);
         let stages = chains.flat_map(|chain| &chain.stages);
-        stages.map(|stage| stage.save()).collect()
+        let last: Vec<f64> = self.sensors.iter().map(|chain| chain.last).collect();
+        let last = (!last.is_empty()).then(|| State::of(&last));
+        stages.map(|stage| stage.save()).chain(last).collect()
     }
 
     /// Restores a saved state.
@@ -135,6 +155,14 @@ impl Instruments {
     /// # Errors
     /// If the state does not belong to these instruments.
     pub(crate) fn restore(&mut self, saved: &[State]) -> Result<(), Invalid> {
+        let mut saved = saved;
+        if let Some((last, stages)) = saved.split_last().filter(|_| !self.sensors.is_empty()) {
+            let last: Vec<f64> = last.read()?;
+            for (chain, last) in self.sensors.iter_mut().zip(last) {
+                chain.last = last;
+            }
+            saved = stages;
+        }
         let chains = self.sensors.iter_mut().chain(&mut self.actuators);
         let stages: Vec<_> = chains.flat_map(|chain| &mut chain.stages).collect();
         if stages.len() != saved.len() {
@@ -184,17 +212,23 @@ fn moment(step: Step, rate: Rate) -> Moment {
 fn apply(
     chains: &mut [Chain],
     at: &Moment,
-    row: &mut [f64],
+    (row, invalid): (&mut [f64], &mut SignalSet),
     taps: &mut [f64],
     before: &mut Vec<f64>,
 ) -> Result<(), String> {
     before.clear();
     before.extend_from_slice(row); // within the capacity it was made with
+    for chain in &mut *chains {
+        if invalid.contains(chain.place) {
+            before[chain.place] = chain.last;
+        }
+        chain.last = before[chain.place];
+    }
     let mut taps = taps.iter_mut();
     for chain in chains {
         let mut reading = Reading {
             value: before[chain.place],
-            valid: true,
+            valid: !invalid.contains(chain.place),
         };
         let mut rest = &mut chain.stages[..];
         let mut passed = 0;
@@ -214,6 +248,11 @@ fn apply(
             ));
         }
         row[chain.place] = reading.value;
+        if reading.valid {
+            invalid.remove(chain.place);
+        } else {
+            invalid.insert(chain.place);
+        }
     }
     Ok(())
 }

@@ -5,6 +5,7 @@
 
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
 use shared_types::failure::Failure;
+use shared_types::quality::SignalSet;
 use shared_types::state::{State, StateOf};
 use shared_types::table::{self, Table};
 use shared_types::time::Interval;
@@ -63,6 +64,14 @@ pub trait Plant: Sized + 'static {
     /// Returns the sensors' readings of the current state.
     fn measure(&self) -> Self::Measured;
 
+    /// Returns the sensors' readings, and marks those that are invalid, as a sensor says that has failed or has nothing
+    /// new. The controller gets the last valid reading in place of an invalid one. Called instead of
+    /// [`measure`](Plant::measure), which it calls by default.
+    fn read(&self, invalid: &mut SignalSet) -> Self::Measured {
+        let _ = invalid;
+        self.measure()
+    }
+
     /// Returns the current truth; `time_s` is the simulated time and `command` the command being applied.
     fn truth(&self, time_s: f64, command: &Self::Command) -> Self::Truth;
 
@@ -84,6 +93,12 @@ pub trait Model {
     fn retune(&mut self, parameters: &[f64]) -> Result<(), Failure>;
     /// Writes the measured signals.
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure>;
+    /// Writes the measured signals and marks the invalid ones, whose values do not matter. Called instead of
+    /// [`measure`](Model::measure), without any mark at first.
+    fn read(&mut self, measured: &mut [f64], invalid: &mut SignalSet) -> Result<(), Failure> {
+        let _ = invalid;
+        self.measure(measured)
+    }
     /// Writes the truth row.
     fn truth(&mut self, time_s: f64, command: &[f64], truth: &mut [f64]) -> Result<(), Failure>;
     /// Integrates over one interval.
@@ -144,6 +159,11 @@ impl<P: Plant> Model for P {
 
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
         measured.copy_from_slice(Plant::measure(self).row());
+        Ok(())
+    }
+
+    fn read(&mut self, measured: &mut [f64], invalid: &mut SignalSet) -> Result<(), Failure> {
+        measured.copy_from_slice(Plant::read(self, invalid).row());
         Ok(())
     }
 

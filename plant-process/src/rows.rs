@@ -6,10 +6,22 @@ use shared_types::describe::{Invalid, Settings};
 use shared_types::frame::{Header, VALIDITY_WORDS};
 use shared_types::hello::Welcome;
 use shared_types::layout::{Signal, SignalKind, SignalTable};
-use shared_types::record::{RecordLayout, Timing, Validity};
+use shared_types::quality::SignalSet;
+use shared_types::record::{GROUPS, RecordLayout, Timing, Validity};
 use shared_types::table::canonical;
 use shared_types::time::Step;
 use shared_types::zerocopy::IntoBytes;
+
+/// Index of the group of sensor readings in a record.
+const SENSED: usize = index_of_sensed();
+
+const fn index_of_sensed() -> usize {
+    let mut index = 0;
+    while !matches!(GROUPS[index].as_bytes(), b"sensed") {
+        index += 1;
+    }
+    index
+}
 
 /// Rows for the tables agreed on by a plant and a controller.
 #[derive(Debug, Default)]
@@ -32,14 +44,14 @@ pub struct Rows {
     pub sensor: Vec<f64>,
     /// Recorded inputs of actuators and of their stages.
     pub actuator: Vec<f64>,
-    /// Invalid bits of the sample sent last.
-    pub invalid: [u64; VALIDITY_WORDS],
+    /// Invalid signals of the sample sent last.
+    pub invalid: SignalSet,
     /// Latest accepted frame of the controller: its commands, then its internals.
     pub frame: Vec<f64>,
     /// The plant's commands as sent.
     pub command: Vec<f64>,
-    /// Invalid bits of the plant's commands, first as sent and then as received by the plant.
-    pub command_invalid: [u64; VALIDITY_WORDS],
+    /// Invalid ones among the plant's commands, first as sent and then as received by the plant.
+    pub command_invalid: SignalSet,
     /// The plant's commands as applied.
     pub applied: Vec<f64>,
     /// True state.
@@ -77,10 +89,10 @@ impl Rows {
             parameter: vec![0.0; layout.parameter.len()],
             sensor: vec![0.0; layout.sensor.len()],
             actuator: vec![0.0; layout.actuator.len()],
-            invalid: [0; VALIDITY_WORDS],
+            invalid: SignalSet::EMPTY,
             frame: vec![0.0; welcome.command.len()],
             command: vec![0.0; layout.command.len()],
-            command_invalid: [0; VALIDITY_WORDS],
+            command_invalid: SignalSet::EMPTY,
             applied: vec![0.0; layout.command.len()],
             truth: vec![0.0; layout.truth.len()],
             record: vec![0; layout.words()],
@@ -168,6 +180,17 @@ impl Rows {
         Ok(())
     }
 
+    /// Replaces readings that are marked invalid by those of the last record, which hold the last valid ones; 0 before
+    /// the first step.
+    pub fn hold_readings(&mut self) {
+        let groups = self.layout.groups().map(<[_]>::len);
+        let before_sensed: usize = groups[..SENSED].iter().sum();
+        let last = &self.layout.view(&self.record).values[before_sensed..];
+        for index in self.invalid.iter(self.sensed.len()) {
+            self.sensed[index] = last[index];
+        }
+    }
+
     /// Returns all signals of the record before a step, NaN where marked invalid; `None` at step 0.
     pub fn last_values(&mut self, step: Step) -> Option<&[f64]> {
         if step.0 == 0 {
@@ -185,10 +208,11 @@ impl Rows {
 
     /// Extracts the plant's commands from the frame, and their invalid bits from its header.
     pub fn take_command(&mut self, header: &Header) {
-        self.command_invalid = [0; VALIDITY_WORDS];
+        self.command_invalid.clear();
+        let invalid = self.command_invalid.words_mut();
         for (index, place) in self.commands.iter().enumerate() {
             self.command[index] = self.frame[*place];
-            self.command_invalid[index / 64] |= u64::from(!header.is_valid(*place)) << (index % 64);
+            invalid[index / 64] |= u64::from(!header.is_valid(*place)) << (index % 64);
         }
     }
 
@@ -196,10 +220,10 @@ impl Rows {
     pub fn write_record(&mut self, step: Step, header: &Header, timing: &Timing) {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);
-        words.put(&self.invalid[..self.layout.sample_validity_words()]);
+        words.put(&self.invalid.words()[..self.layout.sample_validity_words()]);
         let mut invalid = header.invalid;
         for (index, place) in self.commands.iter().enumerate() {
-            let is_invalid = self.command_invalid[index / 64] >> (index % 64) & 1;
+            let is_invalid = u64::from(self.command_invalid.contains(index));
             let (word, bit) = (&mut invalid[place / 64], place % 64);
             *word = *word & !(1 << bit) | is_invalid << bit;
         }
@@ -222,7 +246,7 @@ impl Rows {
     pub fn write_final_record(&mut self, step: Step, timing: &Timing) {
         let mut words = Words(&mut self.record);
         words.put(&[step.0]);
-        words.put(&self.invalid[..self.layout.sample_validity_words()]);
+        words.put(&self.invalid.words()[..self.layout.sample_validity_words()]);
         words.fill(u64::MAX, self.layout.command_validity_words());
         words.values(&self.truth);
         words.values(&self.sample);
@@ -335,7 +359,10 @@ mod tests {
         assert_eq!(rows.frame[1..3], [1.0, 3.0]);
         assert_eq!(header.invalid[0], 0b1101);
         rows.take_command(&header);
-        assert_eq!((rows.command[0], rows.command_invalid[0]), (1.0, 0));
+        assert_eq!(
+            (rows.command[0], rows.command_invalid),
+            (1.0, SignalSet::EMPTY)
+        );
     }
 
     #[test]

@@ -6,7 +6,8 @@
 //! 2. Before step 0 both sides exchange a [`hello`] and agree on a [`layout`].
 //! 3. The [`pacer`] releases step `k` of [`time`].
 //! 4. The sample crosses the [`link`] as a [`frame`]; the command comes back the same way. The [`lockstep`] machines
-//!    decide which side may send what and when; [`wait`] has the strategies and limits of waits.
+//!    decide which side may send what and when; [`wait`] has the strategies and limits of waits. [`quality`] says which
+//!    signals of a row are invalid.
 //! 5. The plant publishes the [`record`] of the step on the [`stream`]; the [`digest`] is computed from it.
 //!
 //! Around the step:
@@ -46,6 +47,7 @@ pub mod lockstep;
 pub mod number;
 pub mod origin;
 pub mod pacer;
+pub mod quality;
 pub mod random;
 pub mod realtime;
 pub mod record;

@@ -107,6 +107,8 @@ fn every_line_of_rust_in_the_book_is_in_an_example_or_is_compiled() {
         "own-controller/src/main.rs",
         "own-fault/src/main.rs",
         "unix-socket-link/tests/conformance.rs",
+        "../tests/shared/patchy_plant.rs",
+        "../tests/shared/watchful_law.rs",
         "../tools/recording/examples/extremes.rs",
         "../tools/recording/examples/fall.rs",
     ]

@@ -4,6 +4,7 @@ mod connected;
 mod deeds;
 mod inputs;
 mod modes;
+mod quality;
 
 use std::fmt::Write;
 use std::mem::offset_of;
@@ -11,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hil_foreign::c::interface::{
-    Controller, Interval, Parameter, Plant, Rows, Sample, Setup, Signal,
+    Controller, Interval, Parameter, Plant, Quality, Rows, Sample, Setup, Signal,
 };
 
 use crate::support::board::Board;
@@ -319,6 +320,14 @@ fn the_structs_of_the_header_match_those_of_rust() {
     );
     same!(
         text,
+        "hil_quality",
+        Quality,
+        measured_invalid,
+        reference_invalid,
+        age_steps
+    );
+    same!(
+        text,
         "hil_plant",
         Plant,
         api,
@@ -339,6 +348,7 @@ fn the_structs_of_the_header_match_those_of_rust() {
         save,
         restore,
         end,
+        read,
         start_commands
     );
     same!(
@@ -364,7 +374,8 @@ fn the_structs_of_the_header_match_those_of_rust() {
         saved_size,
         save,
         restore,
-        end
+        end,
+        answer
     );
     let source = rig.write("same.c", &text);
     let mut cc = Command::new("cc");

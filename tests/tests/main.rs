@@ -61,6 +61,7 @@
 //! | [`tables`] | the compiler names each mistake in a `table!` and points at its row |
 //! | [`target`] | the controller on another machine: the same digest, whatever the network does |
 //! | [`tuning`] | changes of values in a running session: at one step, all or none, and repeatable |
+//! | [`validity`] | invalid and old signals, from the plant's sensor and the law's command to the verdict |
 //! | [`values`] | `hil get` and `hil watch` against the recording of the session |
 //! | [`viewers`] | recordings in rerun, Foxglove's packages and rosbags |
 //!
@@ -160,5 +161,6 @@ mod survival;
 mod tables;
 mod target;
 mod tuning;
+mod validity;
 mod values;
 mod viewers;

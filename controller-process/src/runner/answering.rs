@@ -4,14 +4,35 @@
 //! link.
 
 use hil_session::clock::monotonic_ns;
+use serde::{Deserialize, Serialize};
 use shared_types::directive::{Answered, Directive};
 use shared_types::failure::Failure;
 use shared_types::frame::Header;
+use shared_types::quality::SignalSet;
 use shared_types::time::Step;
 
 use super::Bound;
-use crate::controller::Row;
+use crate::controller::{Answer, Row};
 use crate::job::Job;
+
+/// Steps of the samples on which commands are based: for the last answer, the previous one, the last frame sent and the
+/// late one.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Made {
+    pub(super) answer: i64,
+    pub(super) previous: i64,
+    pub(super) frame: i64,
+    pub(super) late: i64,
+}
+
+/// Commands that are not refreshed, of the rows of commands named as in [`Made`].
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub(super) struct Held {
+    pub(super) answer: SignalSet,
+    pub(super) previous: SignalSet,
+    pub(super) frame: SignalSet,
+    pub(super) late: SignalSet,
+}
 
 impl Bound {
     /// Fills the frame that answers a sample; returns the age of its command in steps.
@@ -21,13 +42,19 @@ impl Bound {
         header: &Header,
         job: &Job,
     ) -> Result<u32, Failure> {
+        let is_unseen = Directive::from_wire(header.directive).unseen;
+        if !is_unseen {
+            let places = (&self.measured_places[..], &self.reference_places[..]);
+            self.quality.note(step, header, &self.sample, places);
+        }
         match self.late_until {
-            _ if Directive::from_wire(header.directive).unseen => {}
+            _ if is_unseen => {}
             Some(due) if step < due => {}
             Some(_) => {
                 self.late_until = None;
                 self.frame.copy_from_slice(&self.late);
                 self.made.frame = self.made.late;
+                self.held.frame = self.held.late;
             }
             None => self.take(step, header, job)?,
         }
@@ -58,22 +85,23 @@ impl Bound {
         let commands = self.previous.len();
         self.previous.copy_from_slice(&self.answer[..commands]);
         self.made.previous = self.made.answer;
+        self.held.previous = self.held.answer;
         if self.is_due(step, job) {
             self.run_law(step, header, job)?;
             self.made.answer = step.0 as i64;
         }
         let directive = Directive::from_wire(header.directive);
-        let (frame, made) = if directive.late_steps == 0 {
-            (&mut self.frame, &mut self.made.frame)
+        let (frame, made, held) = if directive.late_steps == 0 {
+            (&mut self.frame, &mut self.made.frame, &mut self.held.frame)
         } else {
             self.late_until = Some(Step(step.0 + u64::from(directive.late_steps)));
-            (&mut self.late, &mut self.made.late)
+            (&mut self.late, &mut self.made.late, &mut self.held.late)
         };
         frame.copy_from_slice(&self.answer);
-        *made = self.made.answer;
+        (*made, *held) = (self.made.answer, self.held.answer);
         if job.command_delay_steps > 0 {
             frame[..commands].copy_from_slice(&self.previous);
-            *made = self.made.previous;
+            (*made, *held) = (self.made.previous, self.held.previous);
         }
         if directive.busy_ns > 0 {
             let since_ns = monotonic_ns();
@@ -91,14 +119,11 @@ impl Bound {
     }
 
     fn run_law(&mut self, step: Step, header: &Header, job: &Job) -> Result<(), Failure> {
-        let mut valid = true;
         for (value, place) in self.measured.iter_mut().zip(&self.measured_places) {
             *value = self.sample[*place];
-            valid &= header.is_valid(*place);
         }
         for (value, place) in self.reference.iter_mut().zip(&self.reference_places) {
             *value = self.sample[*place];
-            valid &= header.is_valid(*place);
         }
         self.converted
             .sample(&mut self.measured, &mut self.reference);
@@ -106,13 +131,25 @@ impl Bound {
             time_s: job.rate.seconds(step),
             measured: &self.measured,
             reference: &self.reference,
-            valid,
+            valid: self.quality.is_valid(),
             held_steps: header.held_steps,
         };
         self.tuning.apply(step, self.law.as_mut());
         let (command, internals) = self.answer.split_at_mut(self.previous.len());
-        self.law.step(&row, command, internals)?;
+        self.held.answer.clear();
+        let answer = Answer {
+            command,
+            internals,
+            held: &mut self.held.answer,
+        };
+        self.law.answer(&row, &self.quality.view(), answer)?;
+        let (command, _) = self.answer.split_at_mut(self.previous.len());
         self.converted.command(command);
+        if self.held.answer.any() {
+            for index in self.held.answer.iter(command.len()) {
+                command[index] = self.previous[index];
+            }
+        }
         Ok(())
     }
 }

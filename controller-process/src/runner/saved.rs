@@ -9,8 +9,10 @@ use shared_types::directive::Answered;
 use shared_types::state::State;
 use shared_types::time::Step;
 
+use super::Bound;
+use super::answering::{Held, Made};
+use super::quality::SavedQuality;
 use super::tuning::SavedTuning;
-use super::{Bound, Made};
 
 /// State of the controller between two samples.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -20,6 +22,8 @@ pub(super) struct SavedController {
     frame: Vec<f64>,
     late: Vec<f64>,
     made: Made,
+    held: Held,
+    quality: SavedQuality,
     late_until: Option<Step>,
     last: Option<Step>,
     /// Answered samples, encoded as on the wire.
@@ -36,6 +40,8 @@ impl Bound {
             frame: self.frame.clone(),
             late: self.late.clone(),
             made: self.made,
+            held: self.held,
+            quality: self.quality.save(),
             late_until: self.late_until,
             last: self.last,
             answered: self.answered.to_wire(),
@@ -60,6 +66,8 @@ impl Bound {
             *row = saved;
         }
         self.made = saved.made;
+        self.held = saved.held;
+        self.quality.restore(saved.quality);
         self.late_until = saved.late_until;
         self.last = saved.last;
         self.answered = Answered::from_wire(saved.answered);

@@ -83,15 +83,25 @@ pub(super) fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
 
 /// Greets the runner from the plant's end, with a surplus signal in front.
 fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz: f64) {
+    let measured = [
+        Field::signal("spare_pa", "Pa", "x"),
+        Field::signal("position_m", "m", "x"),
+    ];
+    greet_with(runner, plant, rate_hz, &measured);
+}
+
+/// Does the same with these two measured signals.
+fn greet_with<L: Link>(
+    runner: &mut Runner<'_, L>,
+    plant: &mut InProcessLink,
+    rate_hz: f64,
+    measured: &[Field],
+) {
     runner.begin().expect("begins");
     let bytes = plant.receive_control().expect("polls").expect("a hello");
     let Ok(Control::Hello(hello)) = Control::from_bytes(&bytes) else {
         panic!("no hello");
     };
-    let measured = [
-        Field::signal("spare_pa", "Pa", "x"),
-        Field::signal("position_m", "m", "x"),
-    ];
     let offer = Offer {
         session: 5,
         epoch: 1,
@@ -99,7 +109,7 @@ fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz
         steps: 9,
         first: Step(0),
         against_clock: false,
-        measured: &measured,
+        measured,
         reference: &[],
         commands: &[Field::signal("force_n", "N", "x")],
     };
@@ -351,4 +361,5 @@ fn a_failing_law_aborts_at_its_step_with_its_reason() {
     assert_eq!(*abort, Abort::Failed(reason.into()));
 }
 
+mod quality;
 mod tuning;

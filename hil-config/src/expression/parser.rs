@@ -11,6 +11,9 @@ use super::{Expression, ExpressionError, Name, Reduced, ReductionKind, spellings
 /// Reserved words.
 const WORDS: [&str; 3] = ["and", "or", "not"];
 
+/// Function that no name is reserved for: only its parenthesis makes it a call.
+const VALID: &str = "valid";
+
 const COMPARISONS: [(&str, Binary); 6] = [
     ("<", Binary::Less),
     ("<=", Binary::LessOrEqual),
@@ -23,7 +26,7 @@ const COMPARISONS: [(&str, Binary); 6] = [
 /// Lists the functions of expressions.
 pub(crate) fn functions() -> impl Iterator<Item = &'static str> {
     let reductions = ReductionKind::ALL.iter().map(|kind| kind.name());
-    ["abs", "sqrt"].into_iter().chain(reductions)
+    ["abs", "sqrt", VALID].into_iter().chain(reductions)
 }
 
 /// Returns `true` if a name is reserved in expressions and so cannot name a derived signal.
@@ -219,6 +222,7 @@ impl Parser<'_> {
         let op = match (name, arguments) {
             ("abs", 1) => Op::Unary(Unary::Abs),
             ("sqrt", 1) => Op::Unary(Unary::Sqrt),
+            (VALID, 1) => Op::Unary(Unary::Valid),
             ("min", 2) => Op::Binary(Binary::Min),
             ("max", 2) => Op::Binary(Binary::Max),
             _ => match ReductionKind::of_name(name) {
@@ -241,7 +245,7 @@ impl Parser<'_> {
     }
 
     fn no_such_call(&self, name: &str, arguments: usize, span: Range<usize>) -> ExpressionError {
-        if is_reserved(name) {
+        if is_reserved(name) || name == VALID {
             let takes = match name {
                 "min" | "max" => "one or two values",
                 _ => "one value",

@@ -25,6 +25,8 @@ pub(super) enum Unary {
     Not,
     Abs,
     Sqrt,
+    /// 1 where there is a value, 0 where it is missing.
+    Valid,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -148,6 +150,7 @@ impl Op {
             | Self::Quantity(_)
             | Self::Reduced(_)
             | Self::Load(_) => false,
+            // `valid` is a number, which a requirement compares.
             Self::Unary(unary) => *unary == Unary::Not,
             Self::Binary(binary) => match binary {
                 Binary::Add
@@ -176,6 +179,7 @@ impl Unary {
             Self::Negate => -a,
             Self::Abs => a.abs(),
             Self::Sqrt => a.sqrt(),
+            Self::Valid => truth(!a.is_nan()),
             Self::Not if a.is_nan() => f64::NAN,
             Self::Not => truth(a == 0.0),
         }

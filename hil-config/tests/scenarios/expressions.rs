@@ -68,7 +68,11 @@ impl Tree {
             Self::Number(value) => *value,
             Self::Signal(index) => row[*index],
             Self::One(name, a) => {
-                let a = a.value(row)?;
+                let a = a.value(row);
+                if *name == "valid" {
+                    return Some(truth(a.is_some()));
+                }
+                let a = a?;
                 match *name {
                     "-" => -a,
                     "not" => truth(a == 0.0),
@@ -110,7 +114,7 @@ fn tree() -> impl Strategy<Value = Tree> {
         (0..SIGNALS.len()).prop_map(Tree::Signal),
     ];
     leaf.prop_recursive(6, 40, 2, |inner| {
-        let one = prop::sample::select(vec!["-", "not", "abs", "sqrt"]);
+        let one = prop::sample::select(vec!["-", "not", "abs", "sqrt", "valid"]);
         let two = prop::sample::select(vec![
             "+", "-", "*", "/", "<", "<=", ">", ">=", "==", "!=", "and", "or", "min", "max",
         ]);

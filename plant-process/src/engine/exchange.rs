@@ -138,11 +138,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let header = &self.commands.newest.header;
         let (rows, plant) = (&mut self.rows, &mut self.plant);
         rows.take_command(header);
-        if let Err(bad) = plant.guards.command.check(&rows.command) {
+        let guard = &plant.guards.command;
+        if let Err(bad) = guard.check_valid(&rows.command, &rows.command_invalid) {
             let reason = format!("controller's command of step {}: {bad}", header.step);
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
-        let command = (&rows.command[..], &mut rows.command_invalid);
+        let command = (&rows.command[..], rows.command_invalid.words_mut());
         let age_steps = (plant.faults).command(
             step,
             (meeting.age_steps, meeting.work_ns),

@@ -152,7 +152,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             surroundings: self.timing.plant_surroundings,
             tuning: self.plant.tuning.number(),
             held_steps: self.commands.newest.held_steps,
-            invalid: self.rows.invalid,
+            invalid: *self.rows.invalid.words(),
             ..Header::new(FrameKind::Sample, step)
         }
     }
@@ -230,17 +230,22 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             }
             plant.faults.faultable(&mut rows.parameter);
         }
-        if let Err(failure) = plant.model.measure(&mut rows.sensed) {
+        rows.invalid.clear();
+        if let Err(failure) = plant.model.read(&mut rows.sensed, &mut rows.invalid) {
             self.failed(step, &failure)?;
             return Ok(false);
         }
-        if let Err(bad) = plant.guards.measured.check(&rows.sensed) {
+        if rows.invalid.any() {
+            rows.hold_readings();
+        }
+        let guard = &plant.guards.measured;
+        if let Err(bad) = guard.check_valid(&rows.sensed, &rows.invalid) {
             self.diverged(step, &format!("measured {bad}"))?;
             return Ok(false);
         }
-        if let Err(bad) = plant
-            .instruments
-            .sense(step, &mut rows.sensed, &mut rows.sensor)
+        let instruments = &mut plant.instruments;
+        if let Err(bad) =
+            instruments.sense(step, &mut rows.sensed, &mut rows.sensor, &mut rows.invalid)
         {
             self.diverged(step, &bad)?;
             return Ok(false);
@@ -257,7 +262,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             step,
             (&rows.sensed, reference),
             &mut rows.sample,
-            &mut rows.invalid,
+            rows.invalid.words_mut(),
         );
         Ok(true)
     }

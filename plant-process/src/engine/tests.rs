@@ -23,6 +23,7 @@ use crate::plant::Plant as PlantTrait;
 
 mod endings;
 mod failures;
+mod validity;
 
 shared_types::table! {
     /// Parameters.

@@ -209,7 +209,7 @@ impl FaultLayer {
     }
 
     /// Turns the healthy measured and reference signals into those that the controller receives; returns their age in
-    /// steps.
+    /// steps. `invalid` are first the bits of the readings and afterwards those that the controller receives.
     pub fn sample(
         &mut self,
         step: Step,
@@ -220,7 +220,6 @@ impl FaultLayer {
         let (measured, reference) = row.split_at_mut(sensed.len());
         measured.copy_from_slice(sensed);
         reference.copy_from_slice(stimulus);
-        *invalid = [0; VALIDITY_WORDS];
         let (path, effects, rate) = (&mut self.targets.sample, &mut self.effects, self.rate);
         path.apply_signal_faults(effects, step, rate, (row, invalid));
         path.apply_link_faults(effects, step, rate, (row, invalid), 0)

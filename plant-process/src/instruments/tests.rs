@@ -73,7 +73,7 @@ fn sensed(seed: u64, values: &[(&str, f64)], course: impl Fn(u64) -> f64, steps:
         row.fill(0.0);
         row[0] = course(step);
         instruments
-            .sense(Step(step), &mut row, &mut [])
+            .sense(Step(step), &mut row, &mut [], &mut SignalSet::default())
             .expect("finite");
         row[0]
     };
@@ -195,7 +195,7 @@ fn each_sensor_has_its_own_correlation_time_and_its_own_numbers() {
     for step in 0..400_000 {
         let mut row = vec![0.0; measured.len()];
         instruments
-            .sense(Step(step), &mut row, &mut [])
+            .sense(Step(step), &mut row, &mut [], &mut SignalSet::default())
             .expect("finite");
         courses[0].push(row[0]);
         courses[1].push(row[1]);
@@ -225,7 +225,7 @@ fn another_sensor_changes_no_number_of_the_first() {
         let one = |step| {
             let mut row = vec![0.0; measured.len()];
             instruments
-                .sense(Step(step), &mut row, &mut [])
+                .sense(Step(step), &mut row, &mut [], &mut SignalSet::default())
                 .expect("finite");
             row[0].to_bits()
         };
@@ -248,7 +248,7 @@ fn coupled_sensors_see_each_others_readings_of_the_model() {
     let mut row = vec![0.0; measured.len()];
     (row[0], row[1]) = (1.0, 4.0);
     instruments
-        .sense(Step(0), &mut row, &mut [])
+        .sense(Step(0), &mut row, &mut [], &mut SignalSet::default())
         .expect("finite");
     assert_eq!(row[..2], [2.0 + 2.0, 8.0 + 0.5]);
 }
@@ -268,7 +268,7 @@ fn recorded_inputs_are_those_of_the_named_stages() {
     (row[0], row[1]) = (0.7, 5.0);
     let mut taps = [0.0; 3];
     instruments
-        .sense(Step(0), &mut row, &mut taps)
+        .sense(Step(0), &mut row, &mut taps, &mut SignalSet::default())
         .expect("finite");
     assert_eq!(taps, [0.7, 2.0 * 0.7 + 1.0, 5.0]);
     assert_eq!(row[..2], [2.5, 15.0]);
@@ -314,7 +314,7 @@ fn a_restored_chain_continues_bit_for_bit() {
         let (mut row, mut applied) = (vec![0.0; measured.len()], vec![0.0; plant().commands.len()]);
         (row[0], applied[0]) = (libm::sin(step as f64 * 0.1), libm::cos(step as f64 * 0.03));
         instruments
-            .sense(Step(step), &mut row, &mut [])
+            .sense(Step(step), &mut row, &mut [], &mut SignalSet::default())
             .expect("finite");
         instruments
             .actuate(Step(step), &mut applied, &mut [])
@@ -344,7 +344,58 @@ fn a_value_that_overflows_is_named() {
     let mut instruments = started(1, vec![instrument(&measured[0], &[("scale", 1e30)])]);
     let mut row = vec![1e300; measured.len()];
     let failure = instruments
-        .sense(Step(0), &mut row, &mut [])
+        .sense(Step(0), &mut row, &mut [], &mut SignalSet::default())
         .expect_err("infinite");
     assert!(failure.contains(&measured[0]), "{failure}");
+}
+
+/// Passes the course k + 1 through a sensor, with a gap at some steps; returns values and marks.
+fn with_gap(values: &[(&str, f64)], gap: std::ops::Range<u64>) -> Vec<(f64, bool)> {
+    let (measured, _) = names();
+    let mut instruments = started(1, vec![instrument(&measured[0], values)]);
+    let mut row = vec![0.0; measured.len()];
+    let one = |step| {
+        let mut invalid = SignalSet::default();
+        // A value that must not be used.
+        row[0] = (step + 1) as f64;
+        if gap.contains(&step) {
+            row[0] = 1e9;
+            invalid.insert(0);
+        }
+        let result = instruments.sense(Step(step), &mut row, &mut [], &mut invalid);
+        result.expect("finite");
+        (row[0], invalid.contains(0))
+    };
+    (0..9).map(one).collect()
+}
+
+#[test]
+fn a_sensor_hands_a_mark_on_with_its_value() {
+    // Two steps later, with the reading before the gap.
+    let delayed = with_gap(&[("delay_s", 0.002)], 3..5);
+    let marks: Vec<bool> = delayed.iter().map(|(_, is_marked)| *is_marked).collect();
+    assert_eq!(
+        marks,
+        [false, false, false, false, false, true, true, false, false]
+    );
+    assert_eq!(delayed[5..8], [(3.0, true), (3.0, true), (6.0, false)]);
+    // Sampled at the steps 0, 4 and 8: only a gap there is seen, and until the next sample.
+    let sampled = |gap| with_gap(&[("rate_hz", 250.0)], gap);
+    assert_eq!(sampled(1..4), with_gap(&[("rate_hz", 250.0)], 9..9));
+    let marks: Vec<bool> = sampled(4..5)
+        .iter()
+        .map(|(_, is_marked)| *is_marked)
+        .collect();
+    assert_eq!(
+        marks,
+        [false, false, false, false, true, true, true, true, false]
+    );
+}
+
+#[test]
+fn a_gap_shifts_no_random_number() {
+    let noise = [("noise_sigma", 0.1)];
+    let (whole, broken) = (with_gap(&noise, 9..9), with_gap(&noise, 3..5));
+    assert_eq!(whole[..3], broken[..3]);
+    assert_eq!(whole[5..], broken[5..]);
 }

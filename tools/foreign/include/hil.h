@@ -49,7 +49,8 @@
 extern "C" {
 #endif
 
-/* Version of this header, for the member `api`. A library of another version refuses the program. */
+/* Version of this header, for the member `api`. A library of an older version refuses the program; programs compiled
+ * with version 1, whose structs end before `read` and `answer`, go on to work. */
 #define HIL_API 2u
 
 /* Tables. */
@@ -126,6 +127,9 @@ typedef struct hil_plant {
     int (*save)(const void *self, void *bytes);
     int (*restore)(void *self, const void *bytes);
     void (*end)(void *self); /* after the last call, where start gave HIL_OK; may be NULL */
+    /* Called instead of `measure`, if set; `measure` may be NULL then. `invalid` has a byte for each measured signal, 0
+     * before: any other number marks it as invalid, as a sensor that has failed, and its value does not matter. */
+    int (*read)(const void *self, double *measured, uint8_t *invalid);
     /* Start value of each command, NAN where there is none; may be NULL. A scenario names it in [plant.inputs], as
      * T_AMB = "start", for an input that no law commands, and the law `hold` begins with it. */
     const double *start_commands;
@@ -149,6 +153,12 @@ typedef struct hil_sample {
     uint32_t held_steps; /* steps for which a late command has been held; 0 except against the clock */
 } hil_sample;
 
+/* Quality of the signals of a sample, in the order of the controller's tables. */
+typedef struct hil_quality {
+    const uint8_t *measured_invalid, *reference_invalid; /* 1 for a signal that is marked invalid, else 0 */
+    const uint32_t *age_steps;                           /* of each measured signal */
+} hil_quality;
+
 /* Called in this order: `start`; with every sample `retune` if a parameter was changed, and `step`. `self` as of a
  * plant. Parameters that are HIL_TUNABLE need `retune` and `tuning`. */
 typedef struct hil_controller {
@@ -171,6 +181,10 @@ typedef struct hil_controller {
     int (*save)(const void *self, void *bytes);
     int (*restore)(void *self, const void *bytes);
     void (*end)(void *self);
+    /* Called instead of `step`, if set; `step` may be NULL then. `held` has a byte for each command, 0 before: with any
+     * other number the plant keeps what it last applied of that command, and its value does not matter. */
+    int (*answer)(void *self, const hil_sample *sample, const hil_quality *quality, double *command, double *internals,
+                  uint8_t *held);
 } hil_controller;
 
 int hil_controller_main(int argc, char **argv, const hil_controller *controller);

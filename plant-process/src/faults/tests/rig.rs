@@ -208,7 +208,7 @@ impl Rig {
         let retuned = layer.advance(step, self.last.as_deref());
         let parameters = layer.parameters().try_into().expect("three of them");
         let (sensed, stimulus) = ([k, 10.0], [5.0]);
-        let (mut sample, mut invalid) = ([f64::NAN; 3], [u64::MAX; VALIDITY_WORDS]);
+        let (mut sample, mut invalid) = ([f64::NAN; 3], [0; VALIDITY_WORDS]);
         let sample_age_steps = layer.sample(step, (&sensed, &stimulus), &mut sample, &mut invalid);
         let (directive, busy_ns) = layer.timing(step);
         let (command, mut applied) = ([k, -1.0], [f64::NAN; 2]);

@@ -184,7 +184,8 @@ impl RecordedRun {
     }
 
     /// Finds the validity bits of the run's signals, counted from the first signal.
-    fn validity(&self, reader: &RunReader) -> Validity {
+    #[must_use]
+    pub fn validity(&self, reader: &RunReader) -> Validity {
         let sent = self.sent_commands();
         let signals = reader.columns().iter().filter(|column| column.is_signal());
         Validity::new((0..).zip(signals).filter_map(|(number, column)| {

@@ -4,6 +4,8 @@ use std::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `HIL_API`: version of the header.
 pub const API: u32 = 2;
+/// Version whose structs end before `read` and `answer`.
+pub(super) const API_WITHOUT_QUALITY: u32 = 1;
 /// `HIL_FAULTABLE`.
 pub const FAULTABLE: c_uint = 1;
 /// `HIL_TUNABLE`.
@@ -101,10 +103,24 @@ pub struct Sample {
     pub held_steps: u32,
 }
 
+/// `hil_quality`.
+#[derive(Debug)]
+#[repr(C)]
+pub struct Quality {
+    /// Nonzero for each invalid measured signal.
+    pub measured_invalid: *const u8,
+    /// Nonzero for each invalid reference signal.
+    pub reference_invalid: *const u8,
+    /// Age of each measured signal in steps.
+    pub age_steps: *const u32,
+}
+
 /// Callback that reads a row.
 pub type TakeRow = unsafe extern "C" fn(*mut c_void, *const f64) -> c_int;
 /// Callback that writes a row.
 pub type WriteRow = unsafe extern "C" fn(*const c_void, *mut f64) -> c_int;
+/// Callback that writes the measured signals and marks the invalid ones.
+pub type Read = unsafe extern "C" fn(*const c_void, *mut f64, *mut u8) -> c_int;
 /// Callback that writes the true state.
 pub type WriteTruth = unsafe extern "C" fn(*const c_void, f64, *const f64, *mut f64) -> c_int;
 /// Callback that integrates.
@@ -115,6 +131,15 @@ pub type StartLaw = unsafe extern "C" fn(*mut c_void, *const Setup) -> c_int;
 pub type RetuneLaw = unsafe extern "C" fn(*mut c_void, *const Setup, c_int);
 /// Callback that computes the answer to a sample.
 pub type Answer = unsafe extern "C" fn(*mut c_void, *const Sample, *mut f64, *mut f64) -> c_int;
+/// Callback that computes the answer to a sample from its quality too.
+pub type AnswerWithQuality = unsafe extern "C" fn(
+    *mut c_void,
+    *const Sample,
+    *const Quality,
+    *mut f64,
+    *mut f64,
+    *mut u8,
+) -> c_int;
 /// Callback that saves the state.
 pub type Save = unsafe extern "C" fn(*const c_void, *mut c_void) -> c_int;
 /// Callback that restores a state.
@@ -164,7 +189,9 @@ pub struct Plant {
     pub restore: Option<Restore>,
     /// Called once at the end.
     pub end: Option<End>,
-    /// Start value of each command, NaN for none; may be null.
+    /// Writes the measured signals with their validity; not in version 1.
+    pub read: Option<Read>,
+    /// Start value of each command, NaN for none; may be null. Not in version 1.
     pub start_commands: *const f64,
 }
 
@@ -212,4 +239,6 @@ pub struct Controller {
     pub restore: Option<Restore>,
     /// Called once at the end.
     pub end: Option<End>,
+    /// Computes the answer to a sample from its quality too; not in version 1.
+    pub answer: Option<AnswerWithQuality>,
 }

@@ -1,14 +1,16 @@
 //! A controller in C as a [`LawKind`].
 
-use controller_process::controller::{Law, LawKind, Row, Transition, TunedRows};
+use controller_process::controller::{self, Law, LawKind, Row, Transition, TunedRows};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
+use shared_types::quality;
 use shared_types::state::State;
 
 use crate::crash::calling;
 
-use super::interface::{Answer, Controller, RetuneLaw, Sample, Setup};
+use super::interface::{Answer, AnswerWithQuality, Controller, Quality, RetuneLaw, Sample, Setup};
 use super::memory::{Memory, Saving};
+use super::plant::take_bytes;
 use super::reason::outcome;
 use super::tables::{check_form, parameters, required, saving, signals, text};
 use crate::float_modes;
@@ -16,7 +18,7 @@ use crate::float_modes;
 /// Functions of a controller, and the lengths of its rows.
 #[derive(Clone, Copy, Debug)]
 struct Calls {
-    step: Answer,
+    step: Step,
     retune: Option<RetuneLaw>,
     saving: Option<Saving>,
     measured: usize,
@@ -27,10 +29,21 @@ struct Calls {
     setup: (usize, usize),
 }
 
+/// Callback that answers a sample.
+#[derive(Clone, Copy, Debug)]
+enum Step {
+    Plain(Answer),
+    WithQuality(AnswerWithQuality),
+}
+
 /// Controller instance that has started.
 struct InC {
     calls: Calls,
     memory: Memory,
+    /// Room for a byte per measured and reference signal, and per command.
+    measured_invalid: Vec<u8>,
+    reference_invalid: Vec<u8>,
+    held: Vec<u8>,
 }
 
 /// Builds the law entry of a controller in C.
@@ -69,7 +82,10 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
     check_tuning(&description, controller.retune)?;
     let start = required(controller.start, "start")?;
     let calls = Calls {
-        step: required(controller.step, "step")?,
+        step: match controller.answer {
+            Some(answer) => Step::WithQuality(answer),
+            None => Step::Plain(required(controller.step, "step")?),
+        },
         retune: controller.retune,
         saving,
         measured: description.measured.len(),
@@ -92,7 +108,13 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
         let status = unsafe { start(memory.change(), &setup) };
         outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
         memory.end = end;
-        Ok(Box::new(InC { calls, memory }))
+        Ok(Box::new(InC {
+            calls,
+            memory,
+            measured_invalid: vec![0; calls.measured],
+            reference_invalid: vec![0; calls.reference],
+            held: vec![0; calls.commands],
+        }))
     })
 }
 
@@ -110,6 +132,13 @@ fn check_tuning(law: &LawDescription, retune: Option<RetuneLaw>) -> Result<(), I
     Ok(())
 }
 
+/// Sets the bytes of the signals in a set to 1, and the others to 0.
+fn put_bytes(set: &quality::SignalSet, bytes: &mut [u8]) {
+    for (index, byte) in bytes.iter_mut().enumerate() {
+        *byte = set.contains(index).into();
+    }
+}
+
 impl Law for InC {
     fn step(
         &mut self,
@@ -117,6 +146,32 @@ impl Law for InC {
         command: &mut [f64],
         internals: &mut [f64],
     ) -> Result<(), Failure> {
+        let none = quality::SignalSet::EMPTY;
+        let mut held = none;
+        let quality = quality::Quality {
+            measured: &none,
+            reference: &none,
+            age_steps: &vec![0; self.calls.measured],
+        };
+        let answer = controller::Answer {
+            command,
+            internals,
+            held: &mut held,
+        };
+        Law::answer(self, row, &quality, answer)
+    }
+
+    fn answer(
+        &mut self,
+        row: &Row<'_>,
+        quality: &quality::Quality<'_>,
+        answer: controller::Answer<'_>,
+    ) -> Result<(), Failure> {
+        let controller::Answer {
+            command,
+            internals,
+            held,
+        } = answer;
         let calls = &self.calls;
         let sizes = (row.measured.len(), row.reference.len());
         assert_eq!(sizes, (calls.measured, calls.reference));
@@ -132,10 +187,32 @@ impl Law for InC {
             held_steps: row.held_steps,
         };
         let (command, internals) = (command.as_mut_ptr(), internals.as_mut_ptr());
-        let _call = calling(&"step");
-        // SAFETY: the callback belongs to this started memory, and all rows are as long as their tables.
-        let status = unsafe { (calls.step)(self.memory.change(), &sample, command, internals) };
-        outcome("step", status)
+        match calls.step {
+            Step::Plain(step) => {
+                let _call = calling(&"step");
+                // SAFETY: the callback belongs to this started memory, and all rows are as long as their tables.
+                let status = unsafe { step(self.memory.change(), &sample, command, internals) };
+                outcome("step", status)
+            }
+            Step::WithQuality(answer) => {
+                assert_eq!(quality.age_steps.len(), calls.measured);
+                put_bytes(quality.measured, &mut self.measured_invalid);
+                put_bytes(quality.reference, &mut self.reference_invalid);
+                let quality = Quality {
+                    measured_invalid: self.measured_invalid.as_ptr(),
+                    reference_invalid: self.reference_invalid.as_ptr(),
+                    age_steps: quality.age_steps.as_ptr(),
+                };
+                let bytes = self.held.as_mut_ptr();
+                let memory = self.memory.change();
+                let _call = calling(&"answer");
+                // SAFETY: as above, and there is a byte or an age for each signal of the rows.
+                let status =
+                    unsafe { answer(memory, &sample, &quality, command, internals, bytes) };
+                take_bytes(&mut self.held, held);
+                outcome("answer", status)
+            }
+        }
     }
 
     fn retune(&mut self, rows: &TunedRows<'_>, transition: Transition) {

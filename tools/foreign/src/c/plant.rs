@@ -3,12 +3,13 @@
 use plant_process::plant::{Model, PlantKind};
 use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::failure::Failure;
+use shared_types::quality::SignalSet;
 use shared_types::state::State;
 use shared_types::time;
 
 use crate::crash::calling;
 
-use super::interface::{Advance, Interval, Plant, TakeRow, WriteRow, WriteTruth};
+use super::interface::{Advance, Interval, Plant, Read, TakeRow, WriteRow, WriteTruth};
 use super::memory::{Memory, Saving};
 use super::reason::outcome;
 use super::tables::{check_form, parameters, required, saving, signals, starts, text};
@@ -17,7 +18,7 @@ use super::tables::{check_form, parameters, required, saving, signals, starts, t
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     retune: Option<TakeRow>,
-    measure: WriteRow,
+    measure: Measure,
     tell_truth: WriteTruth,
     advance: Advance,
     saving: Option<Saving>,
@@ -27,10 +28,19 @@ struct Calls {
     commands: usize,
 }
 
+/// Callback that gives the readings.
+#[derive(Clone, Copy, Debug)]
+enum Measure {
+    Values(WriteRow),
+    WithValidity(Read),
+}
+
 /// Plant instance that has started.
 struct InC {
     calls: Calls,
     memory: Memory,
+    /// Room for a byte per measured signal, all zero between two calls.
+    invalid: Vec<u8>,
 }
 
 /// Builds the plant entry of a plant in C.
@@ -67,7 +77,10 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
     }
     let calls = Calls {
         retune: plant.retune,
-        measure: required(plant.measure, "measure")?,
+        measure: match plant.read {
+            Some(read) => Measure::WithValidity(read),
+            None => Measure::Values(required(plant.measure, "measure")?),
+        },
         tell_truth: required(plant.tell_truth, "tell_truth")?,
         advance: required(plant.advance, "advance")?,
         saving,
@@ -85,8 +98,21 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
         let status = unsafe { start(memory.change(), row.as_ptr()) };
         outcome("start", status).map_err(|failure| Invalid(failure.to_string()))?;
         memory.end = end;
-        Ok(Box::new(InC { calls, memory }))
+        Ok(Box::new(InC {
+            calls,
+            memory,
+            invalid: vec![0; calls.measured],
+        }))
     })
+}
+
+/// Adds the signals whose byte is not 0 to a set, and clears the bytes.
+pub(super) fn take_bytes(bytes: &mut [u8], set: &mut SignalSet) {
+    for (index, byte) in bytes.iter_mut().enumerate() {
+        if std::mem::take(byte) != 0 {
+            set.insert(index);
+        }
+    }
 }
 
 impl Model for InC {
@@ -102,12 +128,29 @@ impl Model for InC {
     }
 
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
+        Model::read(self, measured, &mut SignalSet::default())
+    }
+
+    fn read(&mut self, measured: &mut [f64], invalid: &mut SignalSet) -> Result<(), Failure> {
         assert_eq!(measured.len(), self.calls.measured);
         measured.fill(f64::NAN);
-        let _call = calling(&"measure");
-        // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
-        let status = unsafe { (self.calls.measure)(self.memory.read(), measured.as_mut_ptr()) };
-        outcome("measure", status)
+        let row = measured.as_mut_ptr();
+        match self.calls.measure {
+            Measure::Values(measure) => {
+                let _call = calling(&"measure");
+                // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
+                let status = unsafe { measure(self.memory.read(), row) };
+                outcome("measure", status)
+            }
+            Measure::WithValidity(read) => {
+                let _call = calling(&"read");
+                let bytes = self.invalid.as_mut_ptr();
+                // SAFETY: as above, and there is a byte for each signal of the row.
+                let status = unsafe { read(self.memory.read(), row, bytes) };
+                take_bytes(&mut self.invalid, invalid);
+                outcome("read", status)
+            }
+        }
     }
 
     fn truth(&mut self, time_s: f64, command: &[f64], truth: &mut [f64]) -> Result<(), Failure> {

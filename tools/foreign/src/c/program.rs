@@ -1,15 +1,17 @@
 //! The `main` functions of C programs.
 
 use std::ffi::{CStr, OsStr, OsString, c_char, c_int};
+use std::mem::{MaybeUninit, offset_of};
 use std::os::unix::ffi::OsStrExt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::ptr;
 
 use hil_session::program::{UNUSABLE, say};
 use shared_types::describe::Invalid;
 
 use crate::crash::install;
 
-use super::interface::{Controller, Plant};
+use super::interface::{API, Controller, Plant};
 use super::tables::text;
 use super::{law, plant};
 use crate::float_modes;
@@ -96,6 +98,26 @@ unsafe fn version(version: *const c_char) -> Result<String, Invalid> {
     }
 }
 
+/// Copies a struct of the header, of which a program of version 1 has only the first `bytes_in_1` bytes; the callbacks
+/// behind them are null then.
+///
+/// # Safety
+/// `form` points to a struct of the version that its first number states, and all bits zero are a valid `T`.
+unsafe fn whole<T>(form: *const T, bytes_in_1: usize) -> T {
+    let mut copy = MaybeUninit::<T>::zeroed();
+    // SAFETY: guaranteed by the caller; the version comes first.
+    let api = unsafe { form.cast::<u32>().read() };
+    let bytes = match api {
+        API => size_of::<T>(),
+        _ => bytes_in_1,
+    };
+    // SAFETY: both have so many bytes, and the rest is zero.
+    unsafe {
+        ptr::copy_nonoverlapping(form.cast::<u8>(), copy.as_mut_ptr().cast(), bytes);
+        copy.assume_init()
+    }
+}
+
 /// `hil_plant_main` of the header.
 ///
 /// # Safety
@@ -107,11 +129,13 @@ pub unsafe extern "C" fn hil_plant_main(
     plant: *const Plant,
 ) -> c_int {
     let body = |arguments| {
+        if plant.is_null() {
+            return Err(Invalid("hil_plant_main got a null pointer".into()));
+        }
+        // SAFETY: guaranteed by the caller; zero is a null pointer, no callback and no row.
+        let plant = unsafe { whole(plant, offset_of!(Plant, read)) };
         // SAFETY: guaranteed by the caller.
-        let plant = unsafe { plant.as_ref() };
-        let plant = plant.ok_or_else(|| Invalid("hil_plant_main got a null pointer".into()))?;
-        // SAFETY: guaranteed by the caller.
-        let (kind, version) = unsafe { (plant::kind(plant)?, version(plant.version)?) };
+        let (kind, version) = unsafe { (plant::kind(&plant)?, version(plant.version)?) };
         let program = kind.description.name.clone();
         let plants = vec![kind];
         Ok(plant_process::program::answer(
@@ -133,11 +157,13 @@ pub unsafe extern "C" fn hil_controller_main(
     controller: *const Controller,
 ) -> c_int {
     let body = |arguments| {
+        if controller.is_null() {
+            return Err(Invalid("hil_controller_main got a null pointer".into()));
+        }
+        // SAFETY: guaranteed by the caller; zero is a null pointer, no callback and no row.
+        let law = unsafe { whole(controller, offset_of!(Controller, answer)) };
         // SAFETY: guaranteed by the caller.
-        let law = unsafe { controller.as_ref() };
-        let law = law.ok_or_else(|| Invalid("hil_controller_main got a null pointer".into()))?;
-        // SAFETY: guaranteed by the caller.
-        let (kind, version) = unsafe { (law::kind(law)?, version(law.version)?) };
+        let (kind, version) = unsafe { (law::kind(&law)?, version(law.version)?) };
         let program = kind.description.name.clone();
         let laws = vec![kind];
         Ok(controller_process::program::answer(

@@ -7,7 +7,9 @@ use shared_types::describe::Invalid;
 use shared_types::layout::MOST_FIELDS;
 use shared_types::table::Field;
 
-use super::interface::{API, FAULTABLE, Parameter, Restore, Rows, Save, Signal, TUNABLE};
+use super::interface::{
+    API, API_WITHOUT_QUALITY, FAULTABLE, Parameter, Restore, Rows, Save, Signal, TUNABLE,
+};
 use super::memory::{MOST_BYTES, Saving};
 
 /// Refuses a program that was compiled with another header version, or that requests too much memory.
@@ -15,7 +17,7 @@ use super::memory::{MOST_BYTES, Saving};
 /// # Errors
 /// If the version or the size is invalid; the message contains both values.
 pub(super) fn check_form(api: u32, size: usize) -> Result<(), Invalid> {
-    if api != API {
+    if ![API_WITHOUT_QUALITY, API].contains(&api) {
         return Err(Invalid(format!(
             "`api` is {api}, but this library supports {API}: set it to HIL_API and compile with the library's header"
         )));

@@ -194,9 +194,12 @@ impl Model {
                     evaluation.observe(Step(record.step), record.values, invalid);
                 }
                 let derived = self.derived.as_ref().map_or(&[][..], Evaluation::derived);
+                let invalid: Vec<usize> = self.validity.invalid(record.hashed).collect();
                 for trace in &mut self.traces {
                     trace.before = trace.value;
                     trace.value = match trace.column.checked_sub(recorded) {
+                        // Neither shown nor drawn: the record has what the receiver goes on with.
+                        None if invalid.contains(&trace.column) => f64::NAN,
                         None => record.values[trace.column],
                         Some(at) => derived[at],
                     };

@@ -227,7 +227,7 @@ pub(super) struct Reading<'a> {
 }
 
 impl Reading<'_> {
-    /// Reads the signals over a grid, including derived ones.
+    /// Reads the signals over a grid, including derived ones. A signal has no value where it is marked invalid.
     ///
     /// # Errors
     /// If the recording cannot be read any more.
@@ -251,12 +251,25 @@ impl Reading<'_> {
         for one in derived.iter().flat_map(|(signals, _)| signals) {
             signals.push(&one.name, &one.unit, grid);
         }
+        let validity = self.run.map(|run| run.validity(&reader));
+        let first = (reader.columns().iter()).position(|column| column.is_signal());
+        let mut valid_words = Vec::new();
         let mut bucket = 0;
         // If later records are damaged, shows those read so far.
         while let Ok(true) = reader.advance() {
             let step = Step(reader.step());
             bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
-            let words = reader.words();
+            let mut words = reader.words();
+            let mut invalid =
+                (validity.iter().flat_map(|validity| validity.invalid(words))).peekable();
+            if invalid.peek().is_some() {
+                valid_words.clear();
+                valid_words.extend_from_slice(words);
+                for place in invalid {
+                    valid_words[first.unwrap_or(0) + place] = f64::NAN.to_bits();
+                }
+                words = &valid_words;
+            }
             let (recorded, computed) = signals.envelopes.split_at_mut(places.len());
             for (envelope, (place, is_time)) in recorded.iter_mut().zip(&places) {
                 let word = words[*place];

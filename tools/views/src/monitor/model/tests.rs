@@ -319,3 +319,24 @@ fn an_outdated_account_adds_no_event_twice() {
     let steps: Vec<u64> = model.log().list().iter().map(|one| one.step).collect();
     assert_eq!(steps, [0, 1, 2, 3, 4]);
 }
+
+#[test]
+fn an_invalid_signal_leaves_a_gap() {
+    let plan = spring_mass();
+    let layout = layout(&plan);
+    let mut model = attached(plan, &["measured.position_m", "truth.position_m"]);
+    feed(&mut model, &layout, 0, 1.0);
+    let mut words = vec![0; layout.words()];
+    words[0] = 1;
+    let first = layout.values_start();
+    words[first..first + layout.values()].fill(2.0_f64.to_bits());
+    words[1] = u64::MAX;
+    model.take(Seen::Record(layout.view(&words), &words));
+    let measured = layout.truth.len();
+    for trace in &model.traces {
+        let is_measured = trace.column == measured;
+        assert_eq!(trace.value.is_nan(), is_measured, "{}", trace.column);
+        let drawn = trace.history.columns(1, 2, 2);
+        assert_eq!(drawn[1].is_some(), !is_measured, "{}", trace.column);
+    }
+}
