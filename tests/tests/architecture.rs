@@ -157,6 +157,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
             "hil-origin",
             "shared-types",
             "hil-session",
+            "hil-codec",
             "hil-config",
             "hil-recording",
             "hil-target",
