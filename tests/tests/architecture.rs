@@ -177,6 +177,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
         &[],
         &[
             "shared-types",
+            "hil-codec",
             "hil-session",
             "hil-config",
             "plant-process",
