@@ -157,6 +157,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
             "hil-origin",
             "shared-types",
             "hil-session",
+            "hil-codec",
             "hil-config",
             "hil-recording",
             "hil-target",
@@ -176,6 +177,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
         &[],
         &[
             "shared-types",
+            "hil-codec",
             "hil-session",
             "hil-config",
             "plant-process",

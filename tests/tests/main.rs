@@ -14,6 +14,7 @@
 //! | [`checkpoints`] | a resumed run equals the uninterrupted one; a checkpoint that does not fit is refused |
 //! | [`cli`] | bad input gives a clear error and exit code 2, and starts nothing |
 //! | [`clocks`] | lockstep, paced and real-time runs; late steps and commands, and their reruns |
+//! | [`codec`] | frames of ports beside cantools and python-can, without allocation, and described |
 //! | [`completion`] | completions in real shells, and that completing has no side effect |
 //! | [`connect`] | a law on plants with other names and units |
 //! | [`determinism`] | one digest for a scenario, however and wherever it runs |
@@ -105,6 +106,7 @@ mod chatter;
 mod checkpoints;
 mod cli;
 mod clocks;
+mod codec;
 mod completion;
 mod connect;
 mod determinism;

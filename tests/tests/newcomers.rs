@@ -79,13 +79,13 @@ fn a_file_of_the_wrong_kind_is_answered_with_the_commands_that_accept_it() {
         .expect(0);
     let campaign = text(&campaign);
     #[rustfmt::skip] // a table
-    let cases: [(&[&str], [&str; 2]); 20] = [
+    let cases: [(&[&str], [&str; 2]); 21] = [
         (&["run", "run.mcap"], ["run.mcap is a recording and not a scenario", "`hil report`"]),
         (&["run", STUDY], ["is a study and not a scenario", "`hil campaign plan`"]),
         (&["config", "check", STUDY], ["is a study and not a scenario", "`hil campaign check`"]),
         (&["campaign", "plan", SCENARIO], ["is a scenario and not a study", "`hil run`"]),
         (&["campaign", "check", SCENARIO], ["is a scenario and not a study", "`hil config check`"]),
-        (&["describe", SCENARIO], ["is a scenario and not a program or an FMU", "`hil config show`"]),
+        (&["describe", SCENARIO], ["is a scenario and not a program or an FMU or a port file", "`hil config show`"]),
         (&["judge", SCENARIO], ["is a scenario and not a recording", "`hil run`"]),
         (&["report", STUDY], ["is a study and not a recording or the folder of a campaign", "`hil campaign plan`"]),
         (&["run", summary], ["is the summary of a run and not a scenario", "its folder is a run"]),
@@ -99,6 +99,7 @@ fn a_file_of_the_wrong_kind_is_answered_with_the_commands_that_accept_it() {
         (&["campaign", "status", SCENARIO], ["is a scenario and not the folder of a campaign", "`hil run`"]),
         (&["campaign", "status", STUDY], ["is a study and not the folder of a campaign", "`hil campaign plan`"]),
         (&["campaign", "compare", campaign, STUDY], ["is a study and not the folder of a campaign", "`hil campaign plan`"]),
+        (&["run", "examples/ports/lines.port.toml"], ["is a port file and not a scenario", "`hil describe` takes a port file"]),
         (&["run", hil], ["is a program and not a scenario", "`hil describe`"]),
     ];
     for (words, parts) in cases {

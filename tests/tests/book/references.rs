@@ -22,6 +22,7 @@ fn the_references_agree_with_the_code() {
         ("commands", commands()),
         ("scenario", scenario()),
         ("study", study()),
+        ("port", port()),
         ("signals", signals()),
         ("faults", faults()),
         ("exit-codes", exit_codes()),
@@ -84,6 +85,16 @@ fn study() -> String {
          the same for editors.\n\n"
     );
     section(&mut page, "The file", "", &hil_config::schema::study());
+    page.truncate(page.trim_end().len());
+    page + "\n"
+}
+
+/// Generates the page of all keys of port files, from the table used by `hil describe`.
+fn port() -> String {
+    let mut page = format!(
+        "# Port keys\n\n{MADE}\nA port file is TOML; [Ports](../ports.md) shows one with every kind of field.\n\n"
+    );
+    section(&mut page, "The file", "", &hil_config::schema::port());
     page.truncate(page.trim_end().len());
     page + "\n"
 }

@@ -12,6 +12,7 @@ pub mod frame;
 pub mod hello;
 mod numbers;
 pub mod panel;
+pub mod port;
 pub mod recording;
 pub mod rig;
 pub mod scenario;
@@ -26,7 +27,7 @@ pub struct Target {
 }
 
 /// Every entry point.
-pub const ALL: [Target; 9] = [
+pub const ALL: [Target; 10] = [
     Target {
         name: "scenario",
         run: scenario::run,
@@ -38,6 +39,10 @@ pub const ALL: [Target; 9] = [
     Target {
         name: "fault",
         run: fault::run,
+    },
+    Target {
+        name: "port",
+        run: port::run,
     },
     Target {
         name: "recording",

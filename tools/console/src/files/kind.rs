@@ -7,6 +7,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
+use hil_config::port::is_port;
 use hil_recording::reader::RECORDING;
 use toml_edit::DocumentMut;
 
@@ -32,6 +33,8 @@ pub enum FileKind {
     Program,
     /// Model in the form of the Functional Mock-up Interface.
     Fmu,
+    /// Description of frames on a wire.
+    Port,
 }
 
 impl FileKind {
@@ -71,8 +74,12 @@ impl FileKind {
         (has("verdict") && has("scenario") && has("digest")).then_some(Self::Summary)
     }
 
-    /// Determines the kind of a TOML text: a study refers to a scenario; a scenario has a run, plant or controller.
+    /// Determines the kind of a TOML text: a port file begins with its key, a study refers to a scenario; a scenario has
+    /// a run, plant or controller.
     fn of_text(text: &str) -> Option<Self> {
+        if is_port(text) {
+            return Some(Self::Port);
+        }
         let document: DocumentMut = text.parse().ok()?;
         let has = |key: &&str| document.contains_key(key);
         let names_scenario = has(&"scenario");
@@ -110,6 +117,7 @@ impl FileKind {
                 "an FMU",
                 "`hil describe` and the key `plant.program` of a scenario",
             ),
+            Self::Port => ("a port file", "`hil describe`"),
         }
     }
 }
@@ -135,6 +143,7 @@ mod tests {
             Some(FileKind::Recording)
         );
         assert_eq!(kind("d", b"\x7fELF\x02.."), Some(FileKind::Program));
+        assert_eq!(kind("rig.toml", b"port = 1\n[run]\n"), Some(FileKind::Port));
         assert_eq!(kind("e.fmu", b"PK\x03\x04.."), Some(FileKind::Fmu));
         let summary = br#"{"schema": 1, "scenario": "a", "verdict": "pass", "digest": null}"#;
         assert_eq!(kind("summary.json", summary), Some(FileKind::Summary));

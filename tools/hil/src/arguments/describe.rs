@@ -7,19 +7,22 @@ use clap::Args;
 pub(super) const EXAMPLES: &str = "\
 For an FMU it also shows which outputs depend directly on inputs, which inner signals can be
 recorded, and what is left out and why. No code of an FMU is run, unless --load asks for it.
+For a port file, which begins with `port = 1`, it shows the signals and each frame field by field.
 
-Exit codes: 0 described; 2 no such file, not a program, or an FMU that cannot be run here.
+Exit codes: 0 described; 2 no such file, not a program, a port file with mistakes, or an FMU that
+cannot be run here.
 
 Examples:
   hil describe model.fmu
   hil describe controller.fmu --as controller
   hil describe model.fmu --load
+  hil describe rig.port.toml
   hil describe target/release/plant-process --json";
 
 /// Arguments of `hil describe`.
 #[derive(Debug, Args)]
 pub struct DescribeArguments {
-    /// A plant or controller program, or an FMU
+    /// A plant or controller program, an FMU, or a port file
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Describe an FMU as this side; a program has its own side

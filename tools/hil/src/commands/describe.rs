@@ -1,4 +1,7 @@
-//! `hil describe FILE`: prints the description of a program or an FMU against which scenarios are checked.
+//! `hil describe FILE`: prints the description of a program or an FMU against which scenarios are checked, or the
+//! tables and frames of a port file.
+
+mod port;
 
 use std::fmt::Write;
 
@@ -21,8 +24,11 @@ use crate::arguments::describe::{DescribeArguments, DescribedSide};
 /// Runs the command.
 ///
 /// # Errors
-/// If the file is neither a program nor an FMU that can run on this machine.
+/// If the file is neither a sound port file nor a program or an FMU that can run on this machine.
 pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
+    if port::is_port_file(&arguments.file) {
+        return port::describe(arguments);
+    }
     let interruption = Interruption::listen()?;
     let role = match arguments.side {
         DescribedSide::Plant => &PLANT,

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use hil_campaign::arguments::CampaignAction;
 
 use hil_console::files::kind::FileKind::{
-    self, Campaign, Fmu, Program, Recording, Scenario, Study,
+    self, Campaign, Fmu, Port, Program, Recording, Scenario, Study,
 };
 use hil_console::terminal::exit::Failure;
 use hil_verification::arguments::recordings::ScenarioAction;
@@ -35,7 +35,7 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             ConfigAction::Show(it) => (vec![it.scenario.scenario.as_path()], &[Scenario]),
             ConfigAction::Schema { .. } => return Ok(()),
         },
-        Command::Describe(arguments) => (vec![arguments.file.as_path()], &[Program, Fmu]),
+        Command::Describe(arguments) => (vec![arguments.file.as_path()], &[Program, Fmu, Port]),
         Command::Campaign(arguments) => match &arguments.action {
             CampaignAction::Check(it) => (vec![it.study.as_path()], &[Study]),
             CampaignAction::Plan(it) => (vec![it.check.study.as_path()], &[Study]),
@@ -82,6 +82,7 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
         let (word, commands) = kind.in_words();
         let advice = match kind {
             FileKind::Summary => commands.to_owned(),
+            FileKind::Port => format!("{commands} takes {word}"),
             _ => format!("{commands} take {word}"),
         };
         return Err(Failure::usage(format!(
