@@ -129,6 +129,7 @@ fn in_one_process() -> (Vec<Expected>, String) {
         parameters: Settings::default(),
         limits: vec![],
         safe_command: Settings::default(),
+        inputs: Settings::default(),
     };
     let job = plant_process::job::Job::new(5, run, plan, 5.0);
     let law_job = controller_process::job::Job::new(5, "patchy", "watchful", rate, 5.0);

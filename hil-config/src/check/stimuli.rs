@@ -99,9 +99,15 @@ fn of_input(
     plant: Option<&PlantDescription>,
     input: &str,
 ) -> Option<Stimulus> {
-    let waveform = waveform(reader, section, folder, grid);
-    let plant = plant?;
-    let field = plant.commands.iter().find(|field| field.is_called(input))?;
+    let field =
+        plant.and_then(|plant| (plant.commands.iter()).find(|field| field.is_called(input)));
+    let signal = tables::Signal {
+        what: "a stimulus",
+        name: input,
+        unit: field.map(|field| &*field.unit),
+    };
+    let waveform = waveform(reader, section, folder, grid, &signal);
+    let (plant, field) = plant.zip(field)?;
     if section.table.get("unit").is_some() {
         let unit = reader.text(section, "unit")?;
         if unit != field.unit {
@@ -175,7 +181,7 @@ fn waveform(
     grid: Option<Grid>,
     signal: &tables::Signal<'_>,
 ) -> Option<Waveform> {
-    waveform_of(reader, section, folder, grid, true)
+    waveform_of(reader, section, folder, grid, signal, true)
 }
 
 /// Returns the waveform of a stimulus, or of a part of a sequence, which is no sequence itself.
@@ -184,6 +190,7 @@ fn waveform_of(
     section: &Section<'_>,
     folder: &Path,
     grid: Option<Grid>,
+    signal: &tables::Signal<'_>,
     is_whole: bool,
 ) -> Option<Waveform> {
     let kinds = WAVEFORMS.iter().map(|kind| (kind.name, kind.keys));
@@ -200,7 +207,7 @@ fn waveform_of(
         "multisine" => return waveforms::multisine(reader, section, grid),
         SEQUENCE_KIND => {
             let part = |reader: &mut Reader, part: &Section<'_>, grid: Option<Grid>| {
-                waveform_of(reader, part, folder, grid, false)
+                waveform_of(reader, part, folder, grid, signal, false)
             };
             return waveforms::sequence(reader, section, grid, part);
         }

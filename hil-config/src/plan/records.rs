@@ -5,7 +5,7 @@ use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
-use super::{Definition, DerivedSource, Plan, Stimulus, Waveform, driven};
+use super::{Definition, DerivedSource, Plan, Stimulus, driven};
 use crate::expression::Columns;
 use crate::table::Table;
 
@@ -52,10 +52,7 @@ impl Plan {
 
     /// Returns every table over time: of stimuli and of derived signals.
     pub fn tables_mut(&mut self) -> impl Iterator<Item = &mut Table> {
-        let stimuli = (self.stimuli.iter_mut()).filter_map(|one| match &mut one.waveform {
-            Waveform::Table(table) => Some(table),
-            _ => None,
-        });
+        let stimuli = (self.stimuli.iter_mut()).flat_map(|one| one.waveform.tables_mut());
         let derived = (self.derived.iter_mut()).filter_map(|one| match &mut one.source {
             DerivedSource::Table(table) => Some(table),
             DerivedSource::Expression(_) => None,

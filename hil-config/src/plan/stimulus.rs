@@ -157,6 +157,17 @@ impl Sweep {
 }
 
 impl Waveform {
+    /// Returns its table over time, or those of its parts.
+    pub(crate) fn tables_mut(&mut self) -> Vec<&mut Table> {
+        match self {
+            Self::Table(table) => vec![table],
+            Self::Sequence(sequence) => (sequence.parts.iter_mut())
+                .flat_map(|part| part.waveform.tables_mut())
+                .collect(),
+            _ => Vec::new(),
+        }
+    }
+
     /// Highest derivative of any waveform.
     pub const MOST_DERIVATIVES: usize = 5;
 

@@ -10,7 +10,7 @@ use shared_types::describe::PlantDescription;
 use shared_types::table::Field;
 use shared_types::time::Rate;
 
-use super::{AnalysisKind, Instrument, Plan, Stage, Trigger};
+use super::{AnalysisKind, DerivedSource, Instrument, Plan, Stage, Trigger};
 use crate::expression::{Columns, Expression, Group};
 
 /// Groups of the taps of sensors and of actuators.
@@ -145,7 +145,10 @@ impl Plan {
 
     /// Lists all signals that its expressions, plots and panel name.
     fn named_signals(&self) -> HashSet<String> {
-        let derived = self.derived.iter().map(|one| &one.expression);
+        let derived = self.derived.iter().filter_map(|one| match &one.source {
+            DerivedSource::Expression(expression) => Some(expression),
+            DerivedSource::Table(_) => None,
+        });
         let metrics = self.metrics.iter().map(|one| &one.expression);
         let requirements = (self.requirements.iter()).flat_map(|one| one.formula.expressions());
         let analyses = self.analyses.iter().flat_map(|one| match &one.kind {

@@ -243,7 +243,7 @@ fn next_start(before: Option<BitField>, order: ByteOrder, width: u32) -> Option<
     };
     match ends_whole {
         true => Some(before.end_byte() * 8 + first),
-        false if order == before.order() && width % 8 != 0 => Some(before.next_start()),
+        false if order == before.order() && !width.is_multiple_of(8) => Some(before.next_start()),
         false => None,
     }
 }

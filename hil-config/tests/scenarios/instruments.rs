@@ -197,7 +197,7 @@ fn the_inputs_of_stages_that_a_scenario_names_become_columns() {
         let (plants, laws) = (descriptions::plants(), descriptions::laws());
         let plant = plan.plant_among(&plants).expect("described");
         let law = plan.law_among(&laws).expect("described");
-        let layout = plan.record_layout(plant, &law);
+        let layout = plan.record_layout(&plant, &law);
         let names = layout.sensor.iter().map(|field| {
             assert_eq!(field.unit, "rad");
             field.name.clone()

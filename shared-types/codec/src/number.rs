@@ -211,7 +211,7 @@ impl Number {
                 let whole = exact.round_ties_even();
                 let raw = whole as u64; // saturates
                 let raw_in = raw.clamp(low, high);
-                (raw_in, raw_in != raw || whole < 0.0 || whole >= TWO_64)
+                (raw_in, raw_in != raw || !(0.0..TWO_64).contains(&whole))
             }
             Limits::Signed(low, high) => {
                 let whole = exact.round_ties_even();

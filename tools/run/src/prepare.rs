@@ -42,7 +42,7 @@ const SUMMARY_BYTES: u64 = 256 << 10;
 /// # Errors
 /// If the run cannot be executed as requested.
 pub(super) fn prepare(
-    mut plan: Plan,
+    plan: Plan,
     environment: Environment,
     origin: Origin,
 ) -> Result<(PreparedRun, Session), Failure> {
@@ -52,7 +52,7 @@ pub(super) fn prepare(
         interruption,
     } = environment;
     let checkpoints = check(&plan, &binaries, &settings, &origin)?;
-    let plan = tapped(plan, &binaries, &settings, &origin);
+    let mut plan = tapped(plan, &binaries, &settings, &origin);
     let layout = binaries.record_layout(&plan)?;
     tell_size(&plan, &layout, &settings)?;
 
@@ -246,7 +246,7 @@ fn tapped(mut plan: Plan, binaries: &Binaries, settings: &Settings, origin: &Ori
         && !matches!(origin, Origin::Checkpoint(..))
         && let Some(plant) = plan.plant_among(plants)
     {
-        plan.tap(plant, |name| recording.choice.asks_for(name));
+        plan.tap(&plant, |name| recording.choice.asks_for(name));
     }
     plan
 }

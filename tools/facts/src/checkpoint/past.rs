@@ -123,7 +123,7 @@ impl Past {
             Ok(branch) => {
                 // The records of both parts have one layout.
                 if let Some(plant) = now.plant_among(plants) {
-                    now.tap(plant, |name| self.taps.contains(&column_of(name)));
+                    now.tap(&plant, |name| self.taps.contains(&column_of(name)));
                 }
                 Ok((now, branch))
             }
