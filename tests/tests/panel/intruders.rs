@@ -216,7 +216,9 @@ fn slow_and_silent_strangers_are_dropped_and_crowds_block_no_page_for_long() {
     let message = Client::greeted(&panel.url).until_closed();
     assert_eq!(
         message,
-        [json!({ "tell": "over", "text": "8 pages are already open, which is the maximum" })]
+        [
+            json!({ "tell": "over", "text": "8 pages are already open, which is the maximum; close one" })
+        ]
     );
     pages.pop();
     crate::support::harness::until("there is room", || {

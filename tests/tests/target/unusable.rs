@@ -79,5 +79,5 @@ fn an_agent_of_another_protocol_is_refused() {
     );
     let run = run(&rig, &board, &format!("{SHORT} {ON_BOARD}")).expect(2);
     assert!(!run.folder.exists());
-    run.says(&["target me@board: its agent speaks protocol 1, this hil"]);
+    run.says(&["target me@board: its agent speaks protocol 1, but this hil"]);
 }

@@ -150,7 +150,7 @@ fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
         ),
         ("bias measured.a 1 --duraton 3", "`bias` has no key `duraton`, and hil no option `--duraton` ; one of `bias` ; --duration"),
         ("skip plant 3", "`skip` does not act on `plant` ; `controller`, or no target, because it is the only one ; "),
-        ("supply-loss controller 0.5 0.5", "`supply-loss` does not act on `controller` ; no target: it acts on the plant ; "),
+        ("supply-loss controller 0.5 0.5", "`supply-loss` does not act on `controller` ; no target, because it acts on the plant ; "),
         ("skip controller x", "`x` is not a number for `steps` ; a number in steps ; "),
         ("supply-loss --factor 1", "`--factor` matches more than one key of `supply-loss` ; one of `factor_first`, `factor_second` ; "),
         ("leakage --coefficient 1", "`leakage` needs `--actuator` ; numbers, for example `--actuator 1,2` ; "),
