@@ -108,7 +108,7 @@ fn faulty_keys_are_refused_with_what_is_possible() {
         ),
         (
             "kind = \"pulse\"\nwidth_s = 0.5\nhigh = 2\nat_s = 9".to_owned(),
-            "`stimuli[1].at_s` is 9, after the end of the run",
+            "`stimuli[1].at_s` is 9, which is after the end of the run",
             "from 0 to 2 in s",
         ),
         (
