@@ -48,7 +48,7 @@ pub(super) fn lists(reader: &mut Reader, section: &Section<'_>, what: &str) -> O
         return fitting(reader, section, time_s?, values?);
     }
     let path = section.path_of("file");
-    let message = format!("{what} of kind `table` needs its points once");
+    let message = format!("{what} of kind `table` must define its points in exactly one way");
     reader
         .report(
             ProblemKind::Mismatch,
