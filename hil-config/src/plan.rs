@@ -29,6 +29,7 @@ use shared_types::wait::WaitStrategy;
 
 use crate::expression::Expression;
 
+pub use crate::stimulus::{Sweep, Waveform};
 pub use analysis::{
     Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
 };
@@ -43,7 +44,7 @@ pub use input::{INPUT_KEYS, driven};
 pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
-pub use stimulus::{Stimulus, Sweep, Waveform};
+pub use stimulus::Stimulus;
 pub use taps::{tap_fields, taps_of};
 
 /// Checked scenario.

@@ -1,7 +1,7 @@
 //! Files of tables as other programs write them: columns with a header, one of them the time.
 //!
 //! CSV and packed points are read here; readers of further formats are passed in as [`Format`]s, because they need
-//! packages above this one. All of them are a [`TableSource`], and [`read`] alone chooses the columns and checks the
+//! packages above this one. All of them are a [`TableSource`], and `read` alone chooses the columns and checks the
 //! time base.
 
 mod csv;

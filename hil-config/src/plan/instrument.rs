@@ -18,7 +18,7 @@ pub struct Instrument {
     /// Share of other measured signals, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub cross: BTreeMap<String, f64>,
-    /// Recorded [inputs](super::taps), by name.
+    /// Recorded inputs of stages, by name.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub taps: Vec<String>,
 }

@@ -4,8 +4,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::number::exact as number;
 use shared_types::time::{Rate, Step};
 
-use super::evaluate;
-use crate::plan::Waveform;
+use super::{Waveform, evaluate};
 
 /// Share of a derivative's largest value by which two parts may differ where they meet.
 const TOLERANCE: f64 = 1e-9;

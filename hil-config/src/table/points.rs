@@ -172,7 +172,7 @@ impl Points {
         format!("{}.{PACKED}", hasher.finalize().to_hex())
     }
 
-    /// Writes the packed form: [`MAGIC`], the number of rows and of columns as 64 bits, the times and each column; all
+    /// Writes the packed form: `MAGIC`, the number of rows and of columns as 64 bits, the times and each column; all
     /// numbers with the lowest byte first.
     ///
     /// # Errors

@@ -13,7 +13,14 @@ const ORDERS: [(&str, &[&str]); 3] = [
     ("tools/hil", &["commands", "arguments"]),
     (
         "tools/facts",
-        &["session", "checkpoint", "results", "programs", "arguments"],
+        &[
+            "session",
+            "checkpoint",
+            "results",
+            "programs",
+            "tables",
+            "arguments",
+        ],
     ),
     ("tools/console", &["files", "terminal"]),
 ];
