@@ -207,7 +207,7 @@ fn a_live_fault_and_a_live_change_of_an_input_repeat() {
         .expect(0)
         .prints(&["input.ambient_k"]);
     rig.in_session("set input.room_k=290")
-        .expect(1)
+        .expect(2)
         .says(&["there is no `input.room_k` to change"]);
     rig.in_session("resume").expect(0);
     let run = held.finish().expect(0);

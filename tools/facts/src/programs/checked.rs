@@ -5,11 +5,13 @@ use std::path::Path;
 use hil_config::plan::Plan;
 use hil_config::scenario::{Advice, Scenario};
 use hil_console::terminal::exit::Failure;
+use hil_recording::reader::folder_of;
 use shared_types::describe::Description;
 
 use crate::tables::FORMATS;
 
-/// Returns the plan of a scenario, checked against the descriptions of plant and controller.
+/// Returns the plan of a scenario, checked against the descriptions of plant and controller. Its files are relative to
+/// the folder of its origin: a file, or the folder of a run.
 ///
 /// # Errors
 /// All problems of the scenario.
@@ -19,8 +21,7 @@ pub fn checked(
     plant: &Description,
     controller: &Description,
 ) -> Result<Plan, Failure> {
-    let folder = origin.parent().unwrap_or(Path::new(""));
-    checked_beside(folder, of_run(), text, origin, plant, controller)
+    checked_beside(folder_of(origin), of_run(), text, origin, plant, controller)
 }
 
 /// Returns the advice on programs that a run has.
