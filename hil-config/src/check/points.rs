@@ -1,43 +1,12 @@
 //! Points over time, of a stimulus or a profile of kind `table`: a file, or two lists in the scenario itself.
 
-use std::path::Path;
-
 use shared_types::number::exact as number;
 
-use super::tables;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
-use crate::table_file::Choice;
 
 /// Times in s, strictly ascending, and as many values.
 pub(super) type Points = (Vec<f64>, Vec<f64>);
-
-/// Returns the points of a profile. Without a folder files are refused.
-pub(super) fn check(
-    reader: &mut Reader,
-    section: &Section<'_>,
-    folder: Option<&Path>,
-    what: &str,
-) -> Option<Points> {
-    let is_file = section.table.get("file").is_some();
-    if !is_file
-        || ["time_s", "values"]
-            .iter()
-            .any(|key| section.table.get(key).is_some())
-    {
-        return lists(reader, section, what);
-    }
-    let Some(folder) = folder else {
-        let key = section.path_of("file");
-        let message = format!("`{key}`: a running plant reads no files");
-        reader
-            .report_at(section, "file", ProblemKind::Unreadable, message)
-            .expected("the numbers themselves");
-        return None;
-    };
-    let mut series = tables::series(reader, section, folder, &Choice::default())?;
-    Some((series.time_s, series.columns.swap_remove(0)))
-}
 
 /// Returns points that stand in the scenario, in a section that describes `what`.
 pub(super) fn lists(reader: &mut Reader, section: &Section<'_>, what: &str) -> Option<Points> {

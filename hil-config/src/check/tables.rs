@@ -17,6 +17,33 @@ use crate::source::Place;
 use crate::table::{AfterEnd, Interpolation, MOST_DERIVATIVES, PACKED, Points, Table};
 use crate::table_file::{self, Choice, ColumnName, Refusal, Series};
 
+/// Returns the points of a profile. Without a folder files are refused.
+pub(super) fn of_profile(
+    reader: &mut Reader,
+    section: &Section<'_>,
+    folder: Option<&Path>,
+    what: &str,
+) -> Option<points::Points> {
+    let is_file = section.table.get("file").is_some();
+    if !is_file
+        || ["time_s", "values"]
+            .iter()
+            .any(|key| section.table.get(key).is_some())
+    {
+        return points::lists(reader, section, what);
+    }
+    let Some(folder) = folder else {
+        let key = section.path_of("file");
+        let message = format!("`{key}`: a running plant reads no files");
+        reader
+            .report_at(section, "file", ProblemKind::Unreadable, message)
+            .expected("the numbers themselves");
+        return None;
+    };
+    let mut series = series(reader, section, folder, &Choice::default())?;
+    Some((series.time_s, series.columns.swap_remove(0)))
+}
+
 /// Signal that a table gives.
 pub(super) struct Signal<'a> {
     /// Description of the table for messages: `a stimulus`.

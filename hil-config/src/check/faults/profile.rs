@@ -4,7 +4,7 @@ use std::path::Path;
 
 use shared_types::describe::ProfileDescription;
 
-use crate::check::points;
+use crate::check::{points, tables};
 use crate::keys::PROFILES;
 use crate::plan::Profile;
 use crate::problem::{ProblemKind, listed};
@@ -93,7 +93,7 @@ fn asked_for(
             }
         }
         "table" => {
-            let (time_s, values) = points::check(reader, section, folder, "a profile")?;
+            let (time_s, values) = tables::of_profile(reader, section, folder, "a profile")?;
             if time_s.len() > MOST_POINTS {
                 let message = format!("a profile of {} points", time_s.len());
                 let place = section.place_of("kind");
