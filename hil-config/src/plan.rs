@@ -40,11 +40,11 @@ pub use fault::{
     Condition, FaultAction, FaultEffect, FaultEnd, FaultEvent, FaultSource, Move, Profile, Trigger,
 };
 pub(crate) use input::PLANT_TARGET;
-pub use input::{INPUT_KEYS, driven};
+pub use input::driven;
 pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
 pub use requirement::Requirement;
-pub use stimulus::Stimulus;
+pub use stimulus::{INPUT_KEYS, Stimulus};
 pub use taps::{tap_fields, taps_of};
 
 /// Checked scenario.

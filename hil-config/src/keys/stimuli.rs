@@ -3,8 +3,8 @@
 use shared_types::time::Rate;
 
 use super::tables::TABLE;
-use super::waveforms::{MULTISINE, PRBS, PULSE, SEQUENCE, SQUARE};
-use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, choice, number, number_or};
+use super::waveforms::{ANY, ANY_OR_ZERO, FREQUENCY, MULTISINE, PRBS, PULSE, SEQUENCE, SQUARE};
+use super::{Key, LENGTH, MAX_S, TEXT, choice, number_or};
 
 /// `[[stimuli]]`; in addition the keys of the kind in [`WAVEFORMS`].
 pub(crate) const STIMULUS: &[Key] = &[
@@ -34,10 +34,6 @@ pub(crate) struct WaveformKind {
     /// Keys. Magnitudes without a unit are in the target's unit.
     pub keys: &'static [Key],
 }
-
-pub(super) const ANY: KeyKind = number("", f64::MIN, f64::MAX);
-pub(super) const ANY_OR_ZERO: KeyKind = number_or("", f64::MIN, f64::MAX, 0.0);
-pub(super) const FREQUENCY: KeyKind = number("Hz", 0.0, Rate::MAX_HZ);
 
 /// Name of the kind that has the others as its parts.
 pub(crate) const SEQUENCE_KIND: &str = "sequence";

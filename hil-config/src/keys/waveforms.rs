@@ -1,7 +1,12 @@
 //! `[[stimuli]]`: the keys of square waves, pulses, binary sequences, sums of sines and sequences of waveforms.
 
-use super::stimuli::{ANY, ANY_OR_ZERO, FREQUENCY};
+use shared_types::time::Rate;
+
 use super::{Key, KeyKind, LENGTH, MAX_S, TEXT, choice, integer, integer_or, number, number_or};
+
+pub(super) const ANY: KeyKind = number("", f64::MIN, f64::MAX);
+pub(super) const ANY_OR_ZERO: KeyKind = number_or("", f64::MIN, f64::MAX, 0.0);
+pub(super) const FREQUENCY: KeyKind = number("Hz", 0.0, Rate::MAX_HZ);
 
 /// Largest number of tones of a multisine.
 pub(crate) const MOST_TONES: i64 = 1000;

@@ -10,8 +10,6 @@ use super::{PlantPlan, Stimulus};
 
 /// Prefix of a stimulus' target that is an input of the plant.
 pub(crate) const PLANT_TARGET: &str = "plant.";
-/// Prefix of driven inputs in the keys of changes and in the names of signals.
-pub const INPUT_KEYS: &str = "input.";
 
 impl Stimulus {
     /// Returns the name of the plant's input that it drives; `None` for a reference signal.

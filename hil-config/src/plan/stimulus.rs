@@ -3,8 +3,11 @@
 use serde::{Deserialize, Serialize};
 use shared_types::table::{Field, derivative_of};
 
-use super::{INPUT_KEYS, REFERENCE_KEYS};
+use super::REFERENCE_KEYS;
 use crate::stimulus::Waveform;
+
+/// Prefix of driven inputs in the keys of changes and in the names of signals.
+pub const INPUT_KEYS: &str = "input.";
 
 /// Reference signal with the derivatives that its waveform has, or an input of the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
