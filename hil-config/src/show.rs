@@ -11,11 +11,11 @@ mod instruments;
 mod model;
 mod plots;
 mod requirements;
+mod toml_text;
 
 use std::fmt::{self, Write};
 
 use serde::Serialize;
-use serde_json::Value;
 use shared_types::connection::Connection;
 use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescription, Settings};
 use shared_types::table::Field;
@@ -27,6 +27,7 @@ use crate::plan::{
     Realtime, Run, Stimulus, Waveform,
 };
 use crate::quantity::{Quantity, toml_float};
+use toml_text::{array, comment, dotted, inline, key, list, string, strings, toml_value};
 
 /// Plan that cannot be shown.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -444,62 +445,4 @@ fn entries(course: &impl Serialize) -> Vec<String> {
     let entries = value.as_object().into_iter().flatten();
     let entries = entries.map(|(name, value)| format!("{name} = {}", toml_value(value)));
     entries.collect()
-}
-
-fn toml_value(value: &Value) -> String {
-    match value {
-        Value::Array(values) => array(values.iter().map(toml_value)),
-        Value::String(text) => string(text),
-        Value::Bool(value) => value.to_string(),
-        Value::Number(value) if value.is_u64() => value.to_string(),
-        value => toml_float(value.as_f64().unwrap_or(f64::NAN)),
-    }
-}
-
-/// Formats an inline table.
-fn inline(entries: impl IntoIterator<Item = String>) -> String {
-    let entries: Vec<String> = entries.into_iter().collect();
-    format!("{{ {} }}", entries.join(", "))
-}
-
-/// Formats a list of TOML values.
-fn array(values: impl Iterator<Item = String>) -> String {
-    format!("[{}]", values.collect::<Vec<_>>().join(", "))
-}
-
-fn list(values: &[f64]) -> String {
-    array(values.iter().map(|value| toml_float(*value)))
-}
-
-fn strings(texts: &[String]) -> String {
-    array(texts.iter().map(|text| string(text)))
-}
-
-/// Formats a TOML string.
-fn string(text: &str) -> String {
-    toml::Value::from(text).to_string()
-}
-
-/// Formats a TOML key, quoted if necessary.
-fn key(name: &str) -> String {
-    let bare = |c: char| c.is_ascii_alphanumeric() || matches!(c, '_' | '-');
-    if !name.is_empty() && name.chars().all(bare) {
-        name.into()
-    } else {
-        string(name)
-    }
-}
-
-/// Formats a dotted name of several keys.
-fn dotted(name: &str) -> String {
-    let keys: Vec<String> = name.split('.').map(key).collect();
-    keys.join(".")
-}
-
-/// Formats the text of a `#` comment: one line, no control characters.
-fn comment(text: &str) -> String {
-    text.split_whitespace()
-        .collect::<Vec<_>>()
-        .join(" ")
-        .replace(char::is_control, "")
 }
