@@ -156,7 +156,7 @@ impl Permissions {
 pub enum ControllerProgram {
     /// The same file on every machine.
     One(PathBuf),
-    /// One file for each machine type, as printed by `uname -m`.
+    /// File for each machine type, as printed by `uname -m`.
     ByMachine(BTreeMap<String, PathBuf>),
 }
 

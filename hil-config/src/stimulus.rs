@@ -86,7 +86,7 @@ pub enum Waveform {
     },
     /// Two levels in a fixed rhythm.
     Square(Square),
-    /// One pulse, or a train of them.
+    /// Single pulse, or a train of pulses.
     Pulse(Pulse),
     /// Binary sequence of maximal length.
     Prbs(Prbs),

@@ -2,7 +2,7 @@
 //!
 //! The service's thread listens on the session's socket, checks requests against the plant as a scenario is checked,
 //! prepares faults with all the memory they need, and puts requests into the [`request_queue`](crate::request_queue).
-//! It never touches the loop's state, and the loop never waits for it.
+//! The service never touches the loop's state, and the loop never waits for the service.
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, TryRecvError};

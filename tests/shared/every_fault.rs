@@ -1,4 +1,4 @@
-//! One fault of every kind: the content of the scenarios for the tests of survival.
+//! A fault of every kind: the content of the scenarios for the tests of survival.
 
 use toml::{Table, Value};
 

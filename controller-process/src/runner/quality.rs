@@ -18,7 +18,7 @@ pub(super) struct Tracked {
     reference: SignalSet,
     age_steps: Vec<u32>,
     /// Measured signals of the law whose age the plant sends: index, and place of the age in the sample.
-    given: Vec<(usize, usize)>,
+    age_signals: Vec<(usize, usize)>,
     /// `true` if everything is valid and all ages are 0, so that another such sample changes nothing.
     is_clean: bool,
     last: Option<Step>,
@@ -45,15 +45,15 @@ impl Tracked {
             sample.0.iter().position(is_it)
         };
         let own = renamed(SignalKind::Measured, law, connections);
-        let given: Vec<(usize, usize)> = (own.iter().enumerate())
+        let age_signals: Vec<(usize, usize)> = (own.iter().enumerate())
             .filter_map(|(index, field)| Some((index, place(&field.name)?)))
             .collect();
         Self {
             measured: SignalSet::EMPTY,
             reference: SignalSet::EMPTY,
             age_steps: vec![0; law.len()],
-            is_clean: given.is_empty(),
-            given,
+            is_clean: age_signals.is_empty(),
+            age_signals,
             last: None,
         }
     }
@@ -95,14 +95,14 @@ impl Tracked {
                 header.age_steps
             };
         }
-        for &(index, place) in &self.given {
+        for &(index, place) in &self.age_signals {
             if header.is_valid(place) {
                 // Saturates, and takes a negative one as 0.
-                let given_steps = (sample[place] as u32).saturating_add(header.age_steps);
-                self.age_steps[index] = self.age_steps[index].max(given_steps);
+                let plant_age_steps = (sample[place] as u32).saturating_add(header.age_steps);
+                self.age_steps[index] = self.age_steps[index].max(plant_age_steps);
             }
         }
-        self.is_clean = self.given.is_empty()
+        self.is_clean = self.age_signals.is_empty()
             && !self.measured.any()
             && !self.reference.any()
             && header.age_steps == 0;

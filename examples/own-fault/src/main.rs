@@ -1,6 +1,6 @@
 //! Play in a linkage: the driven side, a sensor or a valve, stands still until the play is taken up.
 //!
-//! One table lists the keys of a scenario, `impl FaultKind` is the fault, and `main` offers it in addition to the
+//! A table lists the keys of a scenario, `impl FaultKind` is the fault, and `main` offers it in addition to the
 //! built-in plants and kinds.
 
 use std::process::ExitCode;

@@ -164,18 +164,20 @@ fn table(
     columns: &mut Option<Columns>,
     (folder, grid): (&Path, Option<Grid>),
 ) -> Option<(DerivedSource, String)> {
-    let given = match section.table.get("unit") {
+    let stated_unit = match section.table.get("unit") {
         Some(_) => reader.text(section, "unit"),
         None => name.and_then(unit_of_name),
     };
     let signal = tables::Signal {
         what: "a derived signal",
         name: name.unwrap_or_default(),
-        unit: given,
+        unit: stated_unit,
     };
     let result = tables::check(reader, section, folder, grid, &signal);
     let unit = result.as_ref().and_then(|(_, unit)| unit.clone());
-    let unit = unit.or(given.map(Into::into)).unwrap_or_else(|| "1".into());
+    let unit = unit
+        .or(stated_unit.map(Into::into))
+        .unwrap_or_else(|| "1".into());
     // A faulty file is reported once, not at each use of its signal.
     if let (Some(name), Some(columns)) = (name, columns.as_mut()) {
         columns.push_with_unit(Group::Derived, name, &unit);

@@ -7,20 +7,12 @@ use super::waveforms::{ANY, ANY_OR_ZERO, FREQUENCY, MULTISINE, PRBS, PULSE, SEQU
 use super::{Key, LENGTH, MAX_S, TEXT, choice, number_or};
 
 /// `[[stimuli]]`; in addition the keys of the kind in [`WAVEFORMS`].
-pub(crate) const STIMULUS: &[Key] = &[
-    Key::new(
-        "target",
-        TEXT,
-        "Name of the reference signal, its unit at the end; or plant.NAME for an input of the plant that no law commands.",
-    )
-    .required(),
-    Key::new("kind", TEXT, "Waveform.").required(),
-    Key::new(
-        "unit",
-        TEXT,
-        "Unit of the target. Default: the unit that the name's ending stands for.",
-    ),
-];
+pub(crate) const STIMULUS: &[Key] = keys! {
+    target!: TEXT,
+        "Name of the reference signal, its unit at the end; or plant.NAME for an input of the plant that no law commands.";
+    kind!: TEXT, "Waveform.";
+    unit: TEXT, "Unit of the target. Default: the unit that the name's ending stands for.";
+};
 
 /// Kind of waveform.
 #[derive(Debug)]

@@ -14,110 +14,54 @@ pub(crate) const MOST_TONES: i64 = 1000;
 /// Largest number of parts of a sequence.
 pub(crate) const MOST_PARTS: usize = 1000;
 
-pub(super) const SQUARE: &[Key] = &[
-    Key::new("amplitude", ANY, "Amplitude.").required(),
-    Key::new("frequency_hz", FREQUENCY, "Frequency.").required(),
-    Key::new(
-        "duty",
-        number_or("1", 0.0, 1.0, 0.5),
-        "Share of the period at the upper level.",
-    ),
-    Key::new("phase_rad", number_or("rad", -1e6, 1e6, 0.0), "Phase."),
-    Key::new("offset", ANY_OR_ZERO, "Mean of both levels."),
-];
+pub(super) const SQUARE: &[Key] = keys! {
+    amplitude!: ANY, "Amplitude.";
+    frequency_hz!: FREQUENCY, "Frequency.";
+    duty: number_or("1", 0.0, 1.0, 0.5), "Share of the period at the upper level.";
+    phase_rad: number_or("rad", -1e6, 1e6, 0.0), "Phase.";
+    offset: ANY_OR_ZERO, "Mean of both levels.";
+};
 
-pub(super) const PULSE: &[Key] = &[
-    Key::new(
-        "at_s",
-        number_or("s", 0.0, MAX_S, 0.0),
-        "Begin of the first pulse.",
-    ),
-    Key::new("width_s", LENGTH, "Length of a pulse.").required(),
-    Key::new(
-        "period_s",
-        LENGTH,
-        "Time from one pulse to the next, above its length. Default: one pulse.",
-    ),
-    Key::new("low", ANY_OR_ZERO, "Value outside a pulse."),
-    Key::new("high", ANY, "Value of a pulse.").required(),
-];
+pub(super) const PULSE: &[Key] = keys! {
+    at_s: number_or("s", 0.0, MAX_S, 0.0), "Begin of the first pulse.";
+    width_s!: LENGTH, "Length of a pulse.";
+    period_s: LENGTH, "Time from one pulse to the next, above its length. Default: one pulse.";
+    low: ANY_OR_ZERO, "Value outside a pulse.";
+    high!: ANY, "Value of a pulse.";
+};
 
-pub(super) const PRBS: &[Key] = &[
-    Key::new("amplitude", ANY, "Amplitude.").required(),
-    Key::new("bit_s", LENGTH, "Length of a bit, a whole number of steps.").required(),
-    Key::new(
-        "order",
-        integer_or(2, 31, 9),
-        "Order n of the primitive polynomial: the sequence repeats after 2^n - 1 bits.",
-    ),
-    Key::new(
-        "seed",
-        integer(1, (1 << 31) - 1),
-        "First n bits as a number, the lowest first, from 1 to 2^n - 1. Default: all 1.",
-    ),
-    Key::new("offset", ANY_OR_ZERO, "Mean of both levels."),
-];
+pub(super) const PRBS: &[Key] = keys! {
+    amplitude!: ANY, "Amplitude.";
+    bit_s!: LENGTH, "Length of a bit, a whole number of steps.";
+    order: integer_or(2, 31, 9),
+        "Order n of the primitive polynomial: the sequence repeats after 2^n - 1 bits.";
+    seed: integer(1, (1 << 31) - 1),
+        "First n bits as a number, the lowest first, from 1 to 2^n - 1. Default: all 1.";
+    offset: ANY_OR_ZERO, "Mean of both levels.";
+};
 
-pub(super) const MULTISINE: &[Key] = &[
-    Key::new(
-        "frequencies_hz",
-        KeyKind::Numbers,
-        "Frequencies. Alternative: start_hz, end_hz and tones.",
-    ),
-    Key::new("start_hz", FREQUENCY, "Lowest frequency of a band."),
-    Key::new("end_hz", FREQUENCY, "Highest frequency of a band."),
-    Key::new(
-        "tones",
-        integer(2, MOST_TONES),
-        "Number of frequencies of a band, both ends included.",
-    ),
-    Key::new(
-        "spacing",
-        choice(&["linear", "logarithmic"]),
-        "linear: frequencies of a band at equal distances; logarithmic: at equal ratios, start_hz above 0.",
-    ),
-    Key::new(
-        "amplitude",
-        ANY,
-        "Amplitude of every tone. Alternative: amplitudes.",
-    ),
-    Key::new(
-        "amplitudes",
-        KeyKind::Numbers,
-        "Amplitudes, as many as frequencies.",
-    ),
-    Key::new(
-        "phases",
-        choice(&["schroeder", "zero"]),
-        "schroeder: phases by Schroeder's rule, which keeps the peak low; zero: all 0. Alternative: phases_rad.",
-    ),
-    Key::new(
-        "phases_rad",
-        KeyKind::Numbers,
-        "Phases in rad, as many as frequencies.",
-    ),
-    Key::new("offset", ANY_OR_ZERO, "Mean value."),
-];
+pub(super) const MULTISINE: &[Key] = keys! {
+    frequencies_hz: KeyKind::Numbers, "Frequencies. Alternative: start_hz, end_hz and tones.";
+    start_hz: FREQUENCY, "Lowest frequency of a band.";
+    end_hz: FREQUENCY, "Highest frequency of a band.";
+    tones: integer(2, MOST_TONES), "Number of frequencies of a band, both ends included.";
+    spacing: choice(&["linear", "logarithmic"]),
+        "linear: frequencies of a band at equal distances; logarithmic: at equal ratios, start_hz above 0.";
+    amplitude: ANY, "Amplitude of every tone. Alternative: amplitudes.";
+    amplitudes: KeyKind::Numbers, "Amplitudes, as many as frequencies.";
+    phases: choice(&["schroeder", "zero"]),
+        "schroeder: phases by Schroeder's rule, which keeps the peak low; zero: all 0. Alternative: phases_rad.";
+    phases_rad: KeyKind::Numbers, "Phases in rad, as many as frequencies.";
+    offset: ANY_OR_ZERO, "Mean value.";
+};
 
 /// `[[stimuli.parts]]`; in addition the keys of the kind, which may be any but a sequence.
-pub(crate) const PART: &[Key] = &[
-    Key::new(
-        "kind",
-        TEXT,
-        "Waveform, not a sequence; its time is 0 where the part begins.",
-    )
-    .required(),
-    Key::new(
-        "length_s",
-        number("s", 1e-9, MAX_S),
-        "Length of the part, rounded up to whole steps.",
-    )
-    .required(),
-];
+pub(crate) const PART: &[Key] = keys! {
+    kind!: TEXT, "Waveform, not a sequence; its time is 0 where the part begins.";
+    length_s!: number("s", 1e-9, MAX_S), "Length of the part, rounded up to whole steps.";
+};
 
-pub(super) const SEQUENCE: &[Key] = &[Key::new(
-    "parts",
-    KeyKind::List(PART),
-    "Parts in their order, each a table of length_s, kind and the keys of the kind.",
-)
-.required()];
+pub(super) const SEQUENCE: &[Key] = keys! {
+    parts!: KeyKind::List(PART),
+        "Parts in their order, each a table of length_s, kind and the keys of the kind.";
+};

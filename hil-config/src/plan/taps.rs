@@ -174,8 +174,8 @@ impl Plan {
         for expression in conditions.filter_map(|one| Expression::parse(&one.expression).ok()) {
             names.extend(expression.signals().map(Into::into));
         }
-        let shown = self.plots.iter().flat_map(|plot| &plot.signals);
-        names.extend(shown.chain(&self.panel.readings).cloned());
+        let plotted = self.plots.iter().flat_map(|plot| &plot.signals);
+        names.extend(plotted.chain(&self.panel.readings).cloned());
         names
     }
 }

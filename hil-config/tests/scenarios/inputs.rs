@@ -222,10 +222,10 @@ fn every_faulty_input_is_refused_with_its_reason() {
             &["input.ambient_k"],
         ),
     ] {
-        let found = problems(&text);
+        let reported = problems(&text);
         for message in messages {
-            let is_one = found.iter().any(|one| one.message.contains(message));
-            assert!(is_one, "`{message}` in {found:#?}");
+            let is_one = reported.iter().any(|one| one.message.contains(message));
+            assert!(is_one, "`{message}` in {reported:#?}");
         }
     }
 }
@@ -266,17 +266,20 @@ fn a_shown_plan_has_its_inputs() {
     let text = BASE.to_owned()
         + "[[stimuli]]\ntarget = \"other_m\"\nkind = \"square\"\namplitude = 1.0\nfrequency_hz = 2.0\nduty = 0.25\n";
     let plan = plan(&text);
-    let shown = show(
+    let text_of_plan = show(
         &plan,
         &plants(),
         &descriptions::laws(),
         &descriptions::kinds(),
     );
-    let shown = shown.expect("described");
+    let text_of_plan = text_of_plan.expect("described");
     assert!(
-        shown.contains("[plant.inputs]\nambient_k = 280.0 # K"),
-        "{shown}"
+        text_of_plan.contains("[plant.inputs]\nambient_k = 280.0 # K"),
+        "{text_of_plan}"
     );
-    assert!(shown.contains("target = \"plant.wind_mps\""), "{shown}");
-    assert_eq!(self::plan(&shown), plan, "{shown}");
+    assert!(
+        text_of_plan.contains("target = \"plant.wind_mps\""),
+        "{text_of_plan}"
+    );
+    assert_eq!(self::plan(&text_of_plan), plan, "{text_of_plan}");
 }

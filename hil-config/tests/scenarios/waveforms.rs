@@ -86,14 +86,14 @@ fn every_kind_is_shown_as_it_can_be_read() {
     ];
     for text in texts {
         let plan = plan(&base_with(STEP, text));
-        let shown = show(
+        let text_of_plan = show(
             &plan,
             &descriptions::plants(),
             &descriptions::laws(),
             &descriptions::kinds(),
         );
-        let shown = shown.expect("described");
-        assert_eq!(crate::plan(&shown), plan, "{shown}");
+        let text_of_plan = text_of_plan.expect("described");
+        assert_eq!(crate::plan(&text_of_plan), plan, "{text_of_plan}");
     }
 }
 

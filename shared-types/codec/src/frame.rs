@@ -49,7 +49,7 @@ pub enum Body {
         /// Fields.
         fields: Vec<Field>,
     },
-    /// One line of JSON.
+    /// Line of JSON.
     Json(Vec<JsonField>),
 }
 

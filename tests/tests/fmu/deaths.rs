@@ -54,8 +54,8 @@ fn an_fmu_that_exits_with_0_in_its_start_is_named_before_the_run() {
     assert!(run.folder.exists(), "{}", run.stderr);
     let silent = library(&[COUNTED, "-DAT_LOAD=_Exit(0)"]);
     place.fmu("odd.fmu", &fmu(description("t", OUTPUT, ""), &silent));
-    let told = ["the process ended with exit code 0 during the check"];
-    place.run(&odd(), "").expect(2).says(&told);
+    let message = "the process ended with exit code 0 during the check";
+    place.run(&odd(), "").expect(2).says(&[message]);
 }
 
 #[test]

@@ -105,7 +105,7 @@ impl Trips {
 #[derive(Clone, Copy, Debug)]
 enum Sent {
     None,
-    /// One packet, at that time: its answer gives the round trip.
+    /// Single packet, at that time: its answer gives the round trip.
     Once {
         at_ns: u64,
     },

@@ -1,7 +1,7 @@
 //! Listening agent for boards without `ssh`: any desk with the key may run one of the listed programs, one session
 //! at a time.
 //!
-//! One thread greets all contacts concurrently, even during a session. A contact that has proved that it has the key
+//! A single thread greets all contacts concurrently, even during a session. A contact that has proved that it has the key
 //! gets a thread, on which it waits for its turn.
 
 mod greetings;
