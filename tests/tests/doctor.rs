@@ -122,7 +122,7 @@ fn measurements_are_consistent() {
         assert!(of("longest_ns") <= of("lost_ns"), "{core}");
         assert!(of("lost_ns") <= of("watched_ns"), "{core}");
     }
-    for measured in ["company", "wake-ups", "holes", "under load"] {
+    for measured in ["contention", "wake-ups", "gaps", "under load"] {
         assert!(run.stderr.contains(measured), "{}", run.stderr);
     }
 }

@@ -303,7 +303,7 @@ pub(crate) const FIELDS: &[SectionKind] = &[
     },
     SectionKind {
         name: "checksum",
-        text: "A check sum over bytes of the frame, always without its own. A frame with another sum is refused.",
+        text: "A checksum over bytes of the frame, always without its own. A frame with another sum is refused.",
         keys: &[
             Key::new(
                 "algorithm",

@@ -68,7 +68,7 @@ pub(super) fn bytes<'a>(
             .integer(frame, "length")
             .map(|length| length as usize),
     };
-    // The check sum ends with the frame, whose length follows from all fields.
+    // The checksum ends with the frame, whose length follows from all fields.
     for field in &mut fields {
         if let (Content::Checksum { end, .. }, Some(length)) = (&mut field.content, length)
             && *end == usize::MAX

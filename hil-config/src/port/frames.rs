@@ -328,8 +328,8 @@ fn report(
             (field, key.unwrap_or("type"), message, expected, "")
         }
         Mistake::Checksum { field } => {
-            let message = format!("check sum `{}` does not fit", field_name(field));
-            let expected = "whole bytes as wide as the algorithm's sum, over bytes of the frame that hold no later check sum";
+            let message = format!("checksum `{}` does not fit", field_name(field));
+            let expected = "whole bytes as wide as the algorithm's sum, over bytes of the frame that hold no later checksum";
             (field, "algorithm", message, expected.into(), "")
         }
         Mistake::Path { field } => {

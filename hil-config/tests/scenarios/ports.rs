@@ -295,7 +295,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "crc-8/smbus",
             Mismatch,
             "frames[0].fields[6].algorithm",
-            "check sum `checksum` does not fit",
+            "checksum `checksum` does not fit",
             "whole bytes as wide",
         ),
         (

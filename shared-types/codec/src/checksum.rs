@@ -24,7 +24,7 @@ macro_rules! catalogue {
     };
 }
 
-/// Algorithm of a check sum.
+/// Algorithm of a checksum.
 #[derive(Clone, Copy)]
 pub struct Algorithm(Kernel);
 

@@ -185,7 +185,7 @@ pub enum Mistake {
         /// The field.
         field: usize,
     },
-    /// A check sum whose field does not fill whole bytes of the algorithm's width, or that covers no byte of the frame.
+    /// A checksum whose field does not fill whole bytes of the algorithm's width, or that covers no byte of the frame.
     Checksum {
         /// The field.
         field: usize,

@@ -12,7 +12,7 @@ pub use crate::unpack::Counts;
 /// Receiver of the frames of one medium and direction.
 ///
 /// On CAN the identifier names the frame. Elsewhere a single frame is meant by all bytes; of several, the first whose
-/// length, constants and check sum fit.
+/// length, constants and checksum fit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Receiver {
     frames: Vec<(Option<CanId>, Unpacker)>,

@@ -50,7 +50,7 @@ pub enum Refusal {
         /// The field.
         field: usize,
     },
-    /// A check sum that differs from that of the bytes.
+    /// A checksum that differs from that of the bytes.
     Checksum {
         /// The field.
         field: usize,
@@ -130,7 +130,7 @@ impl Refusal {
             } => {
                 let field = field_name(field);
                 format!(
-                    "the check sum `{field}` of frame `{name}` is {sent:#x}, and that of its bytes {computed:#x}"
+                    "the checksum `{field}` of frame `{name}` is {sent:#x}, and that of its bytes {computed:#x}"
                 )
             }
             Self::Repeated { field, counter } => {

@@ -216,7 +216,7 @@ fn every_reason_to_refuse_a_frame_is_named() {
     damaged[5] ^= 1;
     let text = refused(&damaged).0;
     assert!(
-        text.starts_with("the check sum `crc` of frame `imu` is 0x"),
+        text.starts_with("the checksum `crc` of frame `imu` is 0x"),
         "{text}"
     );
     for _ in 0..4 {

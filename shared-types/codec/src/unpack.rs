@@ -198,7 +198,7 @@ impl Unpacker {
         }
     }
 
-    /// Checks length, constants and check sums; reads the fields of a JSON line.
+    /// Checks length, constants and checksums; reads the fields of a JSON line.
     pub(crate) fn check(&mut self, bytes: &[u8]) -> Result<(), Refusal> {
         match &mut self.form {
             Form::Bytes {

@@ -1,7 +1,7 @@
 //! Bench `codec`: what does a frame of a port cost?
 //!
 //! `cargo bench -p tests --bench codec` prints the time to pack and unpack a frame of 22 signals with a counter and a
-//! check sum, as raw numbers, as bit fields of both byte orders, and as a line of JSON. There is no limit on any number.
+//! checksum, as raw numbers, as bit fields of both byte orders, and as a line of JSON. There is no limit on any number.
 //! `HIL_BENCH_QUICK=1` only tries whether it works.
 
 use std::hint::black_box;
@@ -38,7 +38,7 @@ fn main() -> ExitCode {
             numbers("i16", 0.01, "crc-16/ibm-3740"),
         ),
         ("i16 with scale, xor-8", numbers("i16", 0.01, "xor-8")),
-        ("bit fields of 13 bits, no check sum", bits()),
+        ("bit fields of 13 bits, no checksum", bits()),
         ("line of JSON", json()),
     ];
     let mut best = [[f64::INFINITY; 2]; 5];

@@ -1,6 +1,7 @@
-//! Readers of tables that scenarios name, beyond CSV: recordings of `hil`, ROS 2 messages in MCAP, and Parquet.
+//! Readers of tables that scenarios name, beyond CSV: recordings of `hil`, ROS 2 messages in MCAP, and Parquet. They
+//! choose no columns and check no time base.
 //!
-//! Passed to a scenario where it is read, because `hil-config`, which checks it, knows no recordings.
+//! Passed to a scenario where it is read, because `hil-config`, which checks the scenario, knows no recordings.
 
 mod mcap;
 mod parquet;
