@@ -209,7 +209,7 @@ impl Table {
         row[0]
     }
 
-    /// Writes the value and the time derivatives in rising order; where a derivative jumps, its value to the right.
+    /// Writes the value and the time derivatives in ascending order; where a derivative jumps, its value to the right.
     ///
     /// # Panics
     /// If the row does not have `1 + derivatives()` numbers.

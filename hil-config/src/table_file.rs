@@ -65,7 +65,7 @@ pub(crate) fn open(
     })
 }
 
-/// Reads a file of points: times in s, strictly rising, and the values of the only other column.
+/// Reads a file of points: times in s, strictly ascending, and the values of the only other column.
 ///
 /// # Errors
 /// If the file cannot be read, or has other content.

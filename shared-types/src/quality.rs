@@ -1,6 +1,6 @@
-//! SignalSet of invalid signals, one bit per signal, and the quality of a sample that follows from them.
+//! Set of invalid signals, one bit per signal, and the quality of a sample that follows from it.
 //!
-//! A plant signals readings, a law signals commands that it did not refresh; both in the order of their tables. The words
+//! A plant marks readings, a law marks commands that it did not refresh; both in the order of their tables. The words
 //! are those of a frame's [header](crate::frame::Header). A [`Quality`] is the view of a sample that a law gets.
 
 use serde::{Deserialize, Serialize};
@@ -44,7 +44,7 @@ impl SignalSet {
         self.words[index / 64] >> (index % 64) & 1 == 1
     }
 
-    /// SignalSet the signal at an index.
+    /// Adds the signal at an index.
     ///
     /// # Panics
     /// If no frame has room for such a signal.
@@ -68,7 +68,7 @@ impl SignalSet {
         *self = Self::EMPTY;
     }
 
-    /// SignalSet a signal of a table, as in `invalid.insert_in(|measured: &Measured| measured.angle_rad)`.
+    /// Adds a signal of a table, as in `invalid.insert_in(|measured: &Measured| measured.angle_rad)`.
     pub fn insert_in<T: Table>(&mut self, signal: impl FnOnce(&T) -> f64) {
         self.insert(index_of(signal));
     }

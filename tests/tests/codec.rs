@@ -9,14 +9,14 @@ use hil_codec::receive::Receiver;
 use hil_codec::row::Row;
 use hil_config::port::{Carries, Port};
 use serde_json::{Value, json};
-use shared_types::frame::VALIDITY_WORDS;
+use shared_types::quality::SignalSet;
 use shared_types::random::RandomStream;
 
 use crate::support::harness::Rig;
 use crate::support::programs::{shipped, workspace};
 use crate::support::python::{python, succeeds};
 
-const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
+const VALID: SignalSet = SignalSet::EMPTY;
 
 /// Signals in both byte orders, with and without sign, across bytes, with scale and offset, and floats.
 const BUS: &str = r#"VERSION ""

@@ -51,7 +51,7 @@ pub(crate) const REQUEST: &[Key] = keys! {
 /// `[[faults.effects]]`; in addition the keys of the fault kind.
 pub(crate) const EFFECT: &[Key] = keys! {
     profile: KeyKind::Section(PROFILE),
-        "Course of the effect's size from the step at which the effect takes effect. Default: full size at once, or the profile of the plant's fault.";
+        "Course of the effect's size from the step at which it begins. Default: full size at once, or the profile of the plant's fault.";
     skew_s: TIME_OR_ZERO, "Delay of this effect after the event takes effect.";
     skew_steps: count(0), "Delay of this effect after the event takes effect, in steps.";
 };
@@ -90,7 +90,7 @@ pub(crate) const PROFILES: &[SectionKind] = kinds! {
     "table": "Straight lines between points, constant before the first and after the last." {
         file: TEXT,
             "File with a column of times and one of values, relative to the scenario, as for a stimulus. Alternative: time_s and values.";
-        time_s: KeyKind::Numbers, "Times since the effect took effect, strictly rising.";
+        time_s: KeyKind::Numbers, "Times since the effect began, strictly ascending.";
         values: KeyKind::Numbers, "Values, as many as times.";
     }
 };

@@ -60,7 +60,7 @@ pub(crate) const TABLE: &[Key] = keys! {
     ..TIME_COLUMN;
     ..DERIVATIVES;
     ..GAP_S;
-    time_s: KeyKind::Numbers, "Times, strictly rising, in place of a file.";
+    time_s: KeyKind::Numbers, "Times, strictly ascending, in place of a file.";
     values: KeyKind::Numbers, "Values, as many as times.";
     values_d1: KeyKind::Numbers, "First derivative of the values.";
     values_d2: KeyKind::Numbers, "Second derivative of the values.";
@@ -86,7 +86,7 @@ pub(crate) const DERIVED: &[Key] = keys! {
     ..COLUMN;
     ..TIME_COLUMN;
     ..GAP_S;
-    time_s: KeyKind::Numbers, "Times, strictly rising, in place of an expression or a file.";
+    time_s: KeyKind::Numbers, "Times, strictly ascending, in place of an expression or a file.";
     values: KeyKind::Numbers, "Values, as many as times.";
     ..INTERPOLATION;
     ..REPEAT;

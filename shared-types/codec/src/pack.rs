@@ -1,6 +1,7 @@
 //! Packing: from a row of signals to the bytes of a frame.
 
 use shared_types::layout::{SignalTable, Unbound};
+use shared_types::quality::SignalSet;
 use shared_types::table::Field as Column;
 
 use crate::bits::BitField;
@@ -190,7 +191,7 @@ impl Packer {
         })
     }
 
-    /// Packs a row with its validity bits, in which a set bit marks an invalid signal, and returns the bytes.
+    /// Packs a row, some of whose signals are invalid, and returns the bytes.
     ///
     /// An invalid signal is packed as the number that stands for no value, as `null` in JSON, or as its last valid value
     /// if its field has no such number.
@@ -198,10 +199,8 @@ impl Packer {
     /// # Panics
     /// If the row is shorter than the table.
     #[inline]
-    pub fn pack(&mut self, values: &[f64], invalid: &[u64]) -> &[u8] {
-        let is_valid = |column: usize| {
-            !values[column].is_nan() && invalid[column / 64] & (1 << (column % 64)) == 0
-        };
+    pub fn pack(&mut self, values: &[f64], invalid: &SignalSet) -> &[u8] {
+        let is_valid = |column: usize| !values[column].is_nan() && !invalid.contains(column);
         for (place, slot) in self.slots.iter_mut().enumerate() {
             self.results[place] = if is_valid(slot.column) {
                 let (raw, is_beyond) = slot.number.encode(values[slot.column]);

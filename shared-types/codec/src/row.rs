@@ -1,6 +1,7 @@
 //! A row on the receiving side: values with validity bits, ages and the result of each field.
 
-use shared_types::frame::VALIDITY_WORDS;
+use shared_types::frame::{MAX_SIGNALS, VALIDITY_WORDS};
+use shared_types::quality::SignalSet;
 
 use crate::frame::{CanId, Frame};
 
@@ -170,13 +171,12 @@ impl Refusal {
 
 /// Row of signals on the receiving side, in the order of a signal table.
 ///
-/// A value is always finite: the last accepted one, or 0 before the first. The validity bits are those of a frame's
-/// header: a set bit marks an invalid signal. The age of an invalid signal goes on from when it was valid, or from the
+/// A value is always finite: the last accepted one, or 0 before the first. The age of an invalid signal goes on from when it was valid, or from the
 /// first step.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
     values: Box<[f64]>,
-    invalid: [u64; VALIDITY_WORDS],
+    invalid: SignalSet,
     ages: Box<[u32]>,
     limits: Box<[u32]>,
     results: Box<[FieldResult]>,
@@ -189,10 +189,10 @@ impl Row {
     /// If the row has more signals than a frame of the link can carry.
     #[must_use]
     pub fn new(signals: usize) -> Self {
-        assert!(signals <= VALIDITY_WORDS * 64, "{signals} signals");
+        assert!(signals <= MAX_SIGNALS, "{signals} signals");
         Self {
             values: vec![0.0; signals].into(),
-            invalid: [u64::MAX; VALIDITY_WORDS],
+            invalid: SignalSet::from([u64::MAX; VALIDITY_WORDS]),
             ages: vec![0; signals].into(),
             limits: vec![u32::MAX; signals].into(),
             results: vec![FieldResult::Missing; signals].into(),
@@ -210,16 +210,16 @@ impl Row {
         &self.values
     }
 
-    /// Returns the validity bits; a set bit marks an invalid signal.
+    /// Returns the invalid signals.
     #[must_use]
-    pub const fn invalid(&self) -> &[u64; VALIDITY_WORDS] {
+    pub const fn invalid(&self) -> &SignalSet {
         &self.invalid
     }
 
     /// Returns `true` if a signal is valid.
     #[must_use]
     pub fn is_valid(&self, column: usize) -> bool {
-        self.invalid[column / 64] & (1 << (column % 64)) == 0
+        !self.invalid.contains(column)
     }
 
     /// Returns the ages in steps.
@@ -252,14 +252,14 @@ impl Row {
         self.values[column] = value;
         self.ages[column] = 0;
         self.results[column] = FieldResult::Value;
-        self.invalid[column / 64] &= !(1 << (column % 64));
+        self.invalid.remove(column);
     }
 
     /// Marks a signal as invalid; its value stays.
     #[inline]
     pub(crate) fn mark(&mut self, column: usize, result: FieldResult) {
         self.results[column] = result;
-        self.invalid[column / 64] |= 1 << (column % 64);
+        self.invalid.insert(column);
     }
 }
 

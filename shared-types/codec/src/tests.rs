@@ -3,8 +3,8 @@
 mod json;
 
 use proptest::prelude::*;
-use shared_types::frame::VALIDITY_WORDS;
 use shared_types::layout::{SignalKind, SignalTable};
+use shared_types::quality::SignalSet;
 use shared_types::table::Field as Column;
 use shared_types::units::Conversion;
 
@@ -16,7 +16,7 @@ use crate::pack::{Packer, Unusable};
 use crate::receive::Receiver;
 use crate::row::{FieldResult, Refusal, Row};
 
-const VALID: [u64; VALIDITY_WORDS] = [0; VALIDITY_WORDS];
+const VALID: SignalSet = SignalSet::EMPTY;
 
 fn table() -> SignalTable {
     let fields = ["angle_rad", "rate_radps", "count"];
@@ -143,7 +143,8 @@ fn values_arrive_with_their_validity_and_age() {
     row.advance();
     // Signals 0 and 2 have no value at the sender: one has a bit for it, the other a number.
     let mut invalid = VALID;
-    invalid[0] = 0b101;
+    invalid.insert(0);
+    invalid.insert(2);
     let bytes = packer.pack(&[9.0, 3.0, f64::NAN], &invalid);
     receiver.receive(None, bytes, &mut row).1.expect("accepted");
     assert_eq!(packer.results()[0], FieldResult::NotAvailable);
@@ -156,7 +157,7 @@ fn values_arrive_with_their_validity_and_age() {
         ]
     );
     assert_eq!(row.values(), [1.23, 3.0, 7.0]);
-    assert_eq!(row.invalid()[0] & 0b111, 0b101);
+    assert!(row.invalid().iter(3).eq([0, 2]));
     assert_eq!(row.ages(), [0, 0, 1]);
 }
 

@@ -13,7 +13,7 @@ use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
 use hil_codec::row::Row;
 use hil_config::port::{Carries, Port};
-use shared_types::frame::VALIDITY_WORDS;
+use shared_types::quality::SignalSet;
 
 /// Number of signals in each frame.
 const SIGNALS: usize = 22;
@@ -117,7 +117,7 @@ fn measure(text: &str, rounds: u32) -> [f64; 2] {
     let mut values: Vec<f64> = (0..SIGNALS)
         .map(|index| index as f64 * 3.7 - 40.0)
         .collect();
-    let valid = [0; VALIDITY_WORDS];
+    let valid = SignalSet::EMPTY;
     // One period of frames, whose counters follow each other in the next round too.
     let frames: Vec<Vec<u8>> = (0..256)
         .map(|_| packer.pack(&values, &valid).to_vec())
