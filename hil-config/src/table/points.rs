@@ -111,7 +111,7 @@ impl Points {
         })
     }
 
-    /// Returns the times in s, strictly rising.
+    /// Returns the times in s, strictly ascending.
     #[must_use]
     pub fn time_s(&self) -> &[f64] {
         &self.time_s

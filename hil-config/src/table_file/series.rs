@@ -41,7 +41,7 @@ pub(crate) struct Choice<'a> {
 pub(crate) struct Series {
     /// Names of the columns.
     pub names: Vec<ColumnName>,
-    /// Times in s, strictly rising.
+    /// Times in s, strictly ascending.
     pub time_s: Vec<f64>,
     /// Values, then derivatives, in the file's units.
     pub columns: Vec<Vec<f64>>,
@@ -71,7 +71,7 @@ pub(crate) fn read(source: &mut dyn TableSource, choice: &Choice<'_>) -> Result<
         // Two times in the file may be one time in s.
         if time_s.last().is_some_and(|&last_s| row_time_s <= last_s) {
             let message = format!("time {} follows time {}", number(row_time), number(last));
-            return Err(Objection::new(message, "times strictly rising"));
+            return Err(Objection::new(message, "times strictly ascending"));
         }
         last = row_time;
         places.add(time_s.len(), place);

@@ -151,14 +151,14 @@ fn a_mistake_is_named_with_its_line_and_the_possible_content() {
             "",
             4,
             "time 0.5 follows time 1",
-            "strictly rising",
+            "strictly ascending",
         ),
         (
             "t,x\n0,1\n1,1\n1,2\n",
             "",
             4,
             "time 1 follows time 1",
-            "strictly rising",
+            "strictly ascending",
         ),
         (
             "time,t,x\n0,0,1\n",
