@@ -269,7 +269,7 @@ fn port(
     reader.refuse_unknown(root, &[]);
     let first = root.table.entries().first();
     if let Some(first) = first.filter(|first| first.key != "port") {
-        let message = format!("`{}` stands before `port`", first.key);
+        let message = format!("`{}` comes before `port`", first.key);
         reader
             .report(ProblemKind::Mismatch, &first.key, &first.key_place, message)
             .help("a port file is recognised by `port = 1` as its first key");

@@ -222,7 +222,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
     let file_info = std::fs::metadata(path)?;
     // Reading a folder fails with an error of its own.
     let ends = file_info.is_dir() || (file_info.is_file() && file_info.len() <= LARGEST);
-    let refusal = || std::io::Error::other("it is not a regular file of at most 16 MiB");
+    let refusal = || std::io::Error::other("not a regular file of at most 16 MiB");
     if !ends {
         return Err(refusal());
     }
@@ -232,7 +232,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
         .take(LARGEST + 1)
         .read_to_string(&mut text)
         .map_err(|error| match error.kind() {
-            ErrorKind::InvalidData => std::io::Error::other("it is not UTF-8 text"),
+            ErrorKind::InvalidData => std::io::Error::other("not UTF-8 text"),
             _ => error,
         })?;
     if read as u64 > LARGEST {

@@ -43,9 +43,9 @@ pub struct Tuning {
     /// Number of messages for the law so far.
     number: u64,
     references: Vec<Reference>,
-    told: VecDeque<Event>,
+    events: VecDeque<Event>,
     /// Number of accepted changes, which is also the number of the last change.
-    taken: usize,
+    accepted: usize,
     last_id: u32,
     /// Keys of changed law parameters that cannot be read back.
     unconfirmed: BTreeSet<String>,
@@ -129,8 +129,8 @@ impl Tuning {
             law: BTreeMap::new(),
             offered: Offered::default(),
             number: 0,
-            told: VecDeque::new(),
-            taken: changes.len(),
+            events: VecDeque::new(),
+            accepted: changes.len(),
             last_id: changes.iter().map(|change| change.id).max().unwrap_or(0),
             unconfirmed: BTreeSet::new(),
         };
@@ -174,7 +174,7 @@ impl Tuning {
                 "at most {MOST_WAITING} changes can wait for their step; send the change again once a waiting one has begun"
             ));
         }
-        self.taken += 1;
+        self.accepted += 1;
         self.last_id += 1;
         change.id = self.last_id;
         change.step = Some(step);
@@ -199,7 +199,7 @@ impl Tuning {
     /// Returns the number of further changes that the run accepts.
     #[must_use]
     pub fn left(&self) -> usize {
-        MOST_CHANGES.saturating_sub(self.taken)
+        MOST_CHANGES.saturating_sub(self.accepted)
     }
 
     /// Advances the values to a step; `stimulus` holds the step's reference signals without changes. Returns `true` if
@@ -258,7 +258,7 @@ impl Tuning {
                 signal.course = None;
             }
         }
-        self.told.push_back(Event::Change(ValueChange {
+        self.events.push_back(Event::Change(ValueChange {
             id: change.id,
             step: step.0,
             ramp_steps: change.ramp_steps,
@@ -357,12 +357,12 @@ impl Tuning {
     /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
-        !self.told.is_empty()
+        !self.events.is_empty()
     }
 
     /// Takes the next event.
     pub fn next_event(&mut self) -> Option<Event> {
-        self.told.pop_front()
+        self.events.pop_front()
     }
 
     /// Returns the pending changes, in the order in which they will begin.

@@ -228,7 +228,7 @@ impl Hello {
         }
         if self.commands.is_some() != described.commands.is_some() {
             return otherwise(
-                "commands of its own but those of the plant in its --describe, or the reverse"
+                "commands of its own, but its --describe says those of the plant, or vice versa"
                     .into(),
             );
         }

@@ -225,7 +225,7 @@ impl RecordLayout {
             }
             (places != our_places).then(|| {
                 format!(
-                    "commands at {places:?} of their frames; its --describe says {our_places:?}"
+                    "commands at positions {places:?} of command frames; its --describe says {our_places:?}"
                 )
             })
         })

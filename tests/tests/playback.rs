@@ -172,7 +172,7 @@ fn a_long_table_is_kept_once_in_the_run_and_found_wherever_the_run_goes() {
     damage(&moved.join("tables").join(name));
     rig.hil(&["rerun", text(&moved)])
         .expect(2)
-        .says(&["its content has changed"]);
+        .says(&["the content has changed"]);
     rig.assert_nothing_left();
 }
 

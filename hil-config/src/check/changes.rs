@@ -182,9 +182,13 @@ fn change(
     }
     let is_endless = |one: &&ChangedValue| ramp_s.is_some() && !one.value.is_finite();
     let no_way = match set.iter().find(is_endless) {
-        Some(one) => Some(format!("`{}` cannot change to {} along a ramp", one.key, one.value)),
+        Some(one) => Some(format!(
+            "`{}` cannot change to {} along a ramp",
+            one.key, one.value
+        )),
         None if ramp_s.is_some() && set.is_empty() => Some(
-            "a reference signal returns to its stimulus immediately, because a ramp has no end value there".into(),
+            "a reference signal returns to its stimulus at once, because a ramp needs an end value"
+                .into(),
         ),
         None => None,
     };

@@ -113,7 +113,7 @@ pub(super) fn check(
         Err(message) => {
             reader
                 .report_at(section, "interpolation", ProblemKind::Mismatch, message)
-                .expected("another `interpolation`, `repeat` or other rows");
+                .expected("another `interpolation` or `repeat`, or other rows");
             None
         }
     }
@@ -240,8 +240,8 @@ fn packed(reader: &mut Reader, section: &Section<'_>, folder: &Path, name: &str)
             let message = format!("`{}`: {error}", path.display());
             reader
                 .report_at(section, "file", ProblemKind::Unreadable, message)
-                .expected("the file of points that a run has kept")
-                .help("a run keeps a long table in its folder `tables`; copy or move the whole folder of the run");
+                .expected("the points file that the run saved")
+                .help("a run saves long tables in its folder `tables`; copy or move the whole folder of the run");
             None
         }
     }

@@ -36,7 +36,7 @@ impl<'a> DbcFiles<'a> {
         for (key, other) in [("dbc", "message"), ("message", "dbc")] {
             if has(key) && !has(other) {
                 let path = section.path_of(other);
-                reader.missing(section, &path, format!("text, because of `{key}`"));
+                reader.missing(section, &path, format!("a text, because `{key}` is set"));
                 return Err(());
             }
         }
@@ -102,9 +102,7 @@ impl<'a> DbcFiles<'a> {
 fn read_text(path: &Path) -> io::Result<String> {
     let info = std::fs::metadata(path)?;
     if !info.is_file() || info.len() > LARGEST {
-        return Err(io::Error::other(
-            "it is not a regular file of at most 16 MiB",
-        ));
+        return Err(io::Error::other("not a regular file of at most 16 MiB"));
     }
     let bytes = std::fs::read(path)?;
     let text = String::from_utf8(bytes);

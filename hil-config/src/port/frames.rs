@@ -104,7 +104,7 @@ fn frame(
             let message = format!("frame `{name}` has an identifier, and its medium is not CAN");
             reader
                 .report_at(section, "id", ProblemKind::Mismatch, message)
-                .help("tell frames on other media apart by constants");
+                .help("distinguish frames on other media by constants");
         }
         _ => {}
     }
@@ -195,7 +195,7 @@ fn period(reader: &mut Reader, section: &Section<'_>) -> Option<Period> {
     }
     let period_s = reader.number(section, "period_s");
     if has_divider {
-        let message = "a frame has a divider or a period";
+        let message = "a frame cannot have both a divider and a period";
         reader
             .report_at(section, "divider", ProblemKind::Mismatch, message)
             .help("omit one of them");
@@ -298,7 +298,7 @@ fn report(
                 field,
                 "signal",
                 message,
-                "each content once in a frame".into(),
+                "each content at most once in a frame".into(),
                 "",
             )
         }
@@ -317,7 +317,10 @@ fn report(
         }
         Mistake::Width { field } => {
             let width = bits.get(field).map_or(64, hil_codec::bits::BitField::width);
-            let message = format!("the content of field `{}` does not fit", field_name(field));
+            let message = format!(
+                "the content of field `{}` does not fit its width",
+                field_name(field)
+            );
             let key = ["value", "counter_bits", "text"]
                 .into_iter()
                 .find(|key| fields[field].table.get(key).is_some());
@@ -328,13 +331,13 @@ fn report(
             (field, key.unwrap_or("type"), message, expected, "")
         }
         Mistake::Checksum { field } => {
-            let message = format!("checksum `{}` does not fit", field_name(field));
+            let message = format!("checksum `{}` does not fit its field", field_name(field));
             let expected = "whole bytes as wide as the algorithm's sum, over bytes of the frame that hold no later checksum";
             (field, "algorithm", message, expected.into(), "")
         }
         Mistake::Path { field } => {
             let message = format!(
-                "the path `{}` cannot stand beside the others",
+                "the path `{}` contradicts another path of the frame",
                 field_name(field)
             );
             let expected = "a path of its own, and lists without gaps";

@@ -42,9 +42,7 @@ pub(crate) fn open(path: &Path) -> io::Result<Result<Csv, Refusal>> {
     // Reading a folder fails with an error of its own.
     let ends = info.is_dir() || (info.is_file() && info.len() <= LARGEST);
     if !ends {
-        return Err(io::Error::other(
-            "it is not a regular file of at most 4 GiB",
-        ));
+        return Err(io::Error::other("not a regular file of at most 4 GiB"));
     }
     let mut input = BufReader::with_capacity(1 << 16, File::open(path)?.take(LARGEST));
     let start = input.fill_buf()?;
@@ -70,7 +68,7 @@ fn utf16(input: impl Read, word: fn([u8; 2]) -> u16) -> io::Result<Cursor<Vec<u8
     input.take(LARGEST_UTF16 + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > LARGEST_UTF16 {
         return Err(io::Error::other(
-            "it is UTF-16 text of more than 256 MiB; save it as UTF-8",
+            "UTF-16 text of more than 256 MiB; save the file as UTF-8",
         ));
     }
     let words = bytes
@@ -81,7 +79,7 @@ fn utf16(input: impl Read, word: fn([u8; 2]) -> u16) -> io::Result<Cursor<Vec<u8
         .map(|pair| word(*pair));
     let text = char::decode_utf16(words).collect::<Result<String, _>>();
     text.map(|text| Cursor::new(text.into_bytes()))
-        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-16 text"))
+        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "not UTF-16 text"))
 }
 
 impl Lines {
@@ -225,7 +223,10 @@ impl TableSource for Csv {
                     return Err(self.lines.refuse(Objection::new(message, HEADER)));
                 }
                 Err(error) => {
-                    return Err(Refusal::new(format!("it cannot be read: {error}"), HEADER));
+                    return Err(Refusal::new(
+                        format!("the file cannot be read: {error}"),
+                        HEADER,
+                    ));
                 }
             }
             let mut count = 0;

@@ -71,7 +71,7 @@ pub(super) struct Effect {
     most_occurrences: Option<u64>,
     profile: Profile,
     /// Report made when the effect begins.
-    taken: Option<FaultBegun>,
+    beginning: Option<FaultBegun>,
     size: FaultEffectSize,
     /// `true` if the effect acted at the last step; `runs` counts the sequences of such steps.
     acting: bool,
@@ -132,7 +132,7 @@ impl Effect {
                 max_effect: 0.0,
                 unit,
             },
-            taken: Some(beginning),
+            beginning: Some(beginning),
             acting: false,
             runs: 0,
         }
@@ -225,7 +225,7 @@ impl Effect {
 
     /// Takes the report of the beginning, once the effect has begun.
     pub(super) fn take_taken(&mut self) -> Option<FaultBegun> {
-        let mut beginning = self.taken.take()?;
+        let mut beginning = self.beginning.take()?;
         beginning.step = self.size.step?;
         Some(beginning)
     }
@@ -242,7 +242,7 @@ impl Effect {
     pub(super) fn retire(&mut self) {
         self.action = Action::Over;
         self.profile = Profile::Step;
-        self.taken = None;
+        self.beginning = None;
     }
 
     /// Returns the step at which the effect ends by itself, if known.

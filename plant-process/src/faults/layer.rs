@@ -41,7 +41,7 @@ pub struct FaultLayer {
     /// Effects of all armed events, in the order of arming.
     effects: Vec<Effect>,
     targets: Targets,
-    told: VecDeque<Event>,
+    events: VecDeque<Event>,
     /// Buffer for the path of a random stream.
     path: String,
 }
@@ -112,7 +112,7 @@ impl FaultLayer {
                 input: SignalPath::new(builder.inputs(), FrameKind::Sample),
                 timing: Timing::default(),
             },
-            told: VecDeque::new(),
+            events: VecDeque::new(),
             path: String::new(),
         })
     }
@@ -270,12 +270,12 @@ impl FaultLayer {
     /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
-        !self.told.is_empty()
+        !self.events.is_empty()
     }
 
     /// Takes the next event of a beginning or end, in order.
     pub fn next_event(&mut self) -> Option<Event> {
-        self.told.pop_front()
+        self.events.pop_front()
     }
 
     /// Admits live faults before a step, all or none.
@@ -309,7 +309,7 @@ impl FaultLayer {
             if let Some(end) = event.end.step.filter(|end| *end <= begin) {
                 let (end_s, begin_s) = (self.rate.seconds(end), self.rate.seconds(begin));
                 return Err(format!(
-                    "it would end at step {end} ({end_s} s) and not begin before step {begin} ({begin_s} s)"
+                    "the fault would end at step {end} ({end_s} s), but cannot begin before step {begin} ({begin_s} s)"
                 ));
             }
         }
@@ -373,7 +373,7 @@ impl FaultLayer {
             self.targets.stack_of(&effect.action).reserve(living);
             self.effects.push(effect);
         }
-        self.told.reserve(2 * living);
+        self.events.reserve(2 * living);
         self.schedule.arm(armed, begin..end, next)
     }
 
@@ -385,12 +385,12 @@ impl FaultLayer {
                     let twins = self.targets.begin(&mut self.effects, place);
                     let effect = &mut self.effects[place];
                     effect.start(self.seed, twins, &mut self.path);
-                    self.told.extend(effect.take_taken().map(Event::Fault));
+                    self.events.extend(effect.take_taken().map(Event::Fault));
                 }
                 Change::Ends(place) => {
                     self.targets.end(&mut self.effects, place, step);
                     let size = self.effects[place].size();
-                    self.told.push_back(Event::FaultEnded(FaultEnded {
+                    self.events.push_back(Event::FaultEnded(FaultEnded {
                         id: size.id,
                         effect: size.effect,
                         step: step.0,

@@ -22,7 +22,7 @@ pub(super) struct SignalPath {
     /// Effects that act on the link, in the order in which they began.
     link: Vec<usize>,
     /// Signals of the previous step, whose values replace invalid signals; 0 before the first step.
-    kept: Vec<f64>,
+    previous: Vec<f64>,
     channel: Channel,
 }
 
@@ -31,7 +31,7 @@ pub(super) struct SignalPath {
 pub(super) struct SavedPath {
     signals: Vec<usize>,
     link: Vec<usize>,
-    kept: Vec<f64>,
+    previous: Vec<f64>,
     channel: SavedChannel,
 }
 
@@ -41,7 +41,7 @@ impl SignalPath {
         Self {
             signals: Vec::new(),
             link: Vec::new(),
-            kept: vec![0.0; width],
+            previous: vec![0.0; width],
             channel: Channel::new(width, kind),
         }
     }
@@ -51,14 +51,14 @@ impl SignalPath {
         SavedPath {
             signals: self.signals.clone(),
             link: self.link.clone(),
-            kept: self.kept.clone(),
+            previous: self.previous.clone(),
             channel: self.channel.save(),
         }
     }
 
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedPath) -> Result<(), Invalid> {
-        if saved.kept.len() != self.kept.len() {
+        if saved.previous.len() != self.previous.len() {
             return Err(Invalid(
                 "the signals in the state are not those of this plant".into(),
             ));
@@ -66,7 +66,7 @@ impl SignalPath {
         // Not replaced: they have room for every armed effect.
         self.signals.clone_from(&saved.signals);
         self.link.clone_from(&saved.link);
-        self.kept = saved.kept;
+        self.previous = saved.previous;
         self.channel.restore(saved.channel)
     }
 
@@ -114,14 +114,20 @@ impl SignalPath {
         if invalid.iter().fold(0, |all, word| all | word) != 0 {
             for (index, value) in row.iter_mut().enumerate() {
                 if is_invalid(invalid, index) {
-                    *value = self.kept[index];
+                    *value = self.previous[index];
                 }
             }
         }
         for &effect in &self.signals {
-            apply(&mut effects[effect], step, rate, (row, invalid), &self.kept);
+            apply(
+                &mut effects[effect],
+                step,
+                rate,
+                (row, invalid),
+                &self.previous,
+            );
         }
-        self.kept.copy_from_slice(row);
+        self.previous.copy_from_slice(row);
     }
 
     /// Transmits a row of this age to the receiver; returns the age of the received row.

@@ -105,9 +105,12 @@ impl Judgement {
             Some(Outcome::Completed) => {}
             Some(outcome) => {
                 let outcome = outcome.name();
-                writeln!(text, "  the run has {outcome}: no verdict can be pass")?;
+                writeln!(text, "  the run has {outcome}, so no verdict can be pass")?;
             }
-            None => writeln!(text, "  the recording was cut off: no verdict can be pass")?,
+            None => writeln!(
+                text,
+                "  the recording was cut off, so no verdict can be pass"
+            )?,
         }
         if let Some(reason) = &self.reason {
             writeln!(text, "  {reason}")?;

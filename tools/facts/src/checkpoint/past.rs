@@ -233,7 +233,7 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     } = checkpoint;
     if (schema, protocol) != (SCHEMA, PROTOCOL) {
         return Err(damaged(&format!(
-            "it has schema {schema} and protocol {protocol}, but this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
+            "the checkpoint has schema {schema} and protocol {protocol}, but this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
         )));
     }
     Ok(checkpoint)

@@ -226,11 +226,11 @@ impl Binary {
     /// # Errors
     /// If the plant is missing, cannot be executed or does not speak the protocol.
     pub(crate) fn plant(
-        given: Option<&Path>,
+        flag: Option<&Path>,
         named: &Named<'_>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        Self::of_plant(&named.choice(&PLANT, given, None)?, interruption)
+        Self::of_plant(&named.choice(&PLANT, flag, None)?, interruption)
     }
 
     /// Finds the named controller and asks for its description.
@@ -238,12 +238,12 @@ impl Binary {
     /// # Errors
     /// If the controller is missing, cannot be executed or does not speak the protocol.
     pub fn controller(
-        given: Option<&Path>,
+        flag: Option<&Path>,
         named: &Named<'_>,
         at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        Self::of_controller(&named.choice(&CONTROLLER, given, at)?, at, interruption)
+        Self::of_controller(&named.choice(&CONTROLLER, flag, at)?, at, interruption)
     }
 
     /// Describes a controller that was named with this flag; an FMU has these permissions and settings.

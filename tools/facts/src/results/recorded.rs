@@ -72,7 +72,7 @@ impl Recorded {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers {
     /// Number of records with a controller's command.
-    pub given: u64,
+    pub answered: u64,
     /// Number of records whose command is older than the one of their step.
     pub held: u64,
 }
@@ -80,7 +80,7 @@ pub struct Answers {
 impl Answers {
     /// Counts the record of a step with a command.
     pub const fn take(&mut self, timing: &Timing) {
-        self.given += (timing.epoch > 0) as u64;
+        self.answered += (timing.epoch > 0) as u64;
         self.held += (timing.held_steps > 0) as u64;
     }
 }
@@ -121,7 +121,7 @@ impl Stretch {
         let faults = &recorded.faults;
         let later = faults.accepted.get(self.accepted..).unwrap_or_default();
         let is_later = |id: u32| later.iter().any(|live| live.event.id == id);
-        let begins = faults.taken.iter().filter(|begin| is_later(begin.id));
+        let begins = faults.begun.iter().filter(|begin| is_later(begin.id));
         let ends = faults.ended.iter().filter(|end| end.cleared);
         let changes = recorded.values.iter().filter(|change| change.live);
         let steps = (begins.map(|begin| begin.step))

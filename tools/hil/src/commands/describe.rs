@@ -61,7 +61,7 @@ pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
     match library.and_then(|library| library.refusal.as_ref()) {
         None => Ok(Exit::Pass),
         Some(reason) => Err(Failure::usage(format!(
-            "{file}: its library cannot be loaded: {reason}"
+            "{file}: the FMU's library cannot be loaded: {reason}"
         ))),
     }
 }
@@ -183,7 +183,7 @@ fn write_format(text: &mut String, imported: &Imported) -> Written {
     if let Some(step_s) = imported.internal_step_s {
         writeln!(
             text,
-            "moves in steps of {} s: a period must be a multiple",
+            "advances in steps of {} s; the period of a run must be a multiple of this",
             exact(step_s)
         )?;
     }
@@ -198,7 +198,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
     if !imported.direct.is_empty() {
         writeln!(
             text,
-            "\noutputs with direct feedthrough; they reflect {direct}:"
+            "\noutputs with direct feedthrough, which reflect {direct}:"
         )?;
     }
     for direct in &imported.direct {
@@ -244,7 +244,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
 }
 
 fn write_library(text: &mut String, library: &LibraryNeeds) -> Written {
-    writeln!(text, "\nits library needs: {}", listed(&library.needs))?;
+    writeln!(text, "\nthe library needs: {}", listed(&library.needs))?;
     writeln!(
         text,
         "missing libraries: {}",

@@ -81,7 +81,7 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     // Otherwise `run` would refuse the campaign.
     trusted::folder(beside).map_err(|why| {
         Failure::usage(format!(
-            "a campaign in {out_text} could not be run: {why}; choose a folder that only you can write to with -o"
+            "a campaign in {out_text} could not be run: {why}; with -o, choose a folder that only you can write to"
         ))
     })?;
     let part = PartFolder::beside(&absolute).map_err(cannot)?;

@@ -57,8 +57,12 @@ impl Host {
             return Ok(None);
         }
         let own = beside(HOST).map_err(|error| error.to_string())?;
-        let in_words =
-            |error| format!("it is an FMU, and {} cannot be run: {error}", own.display());
+        let in_words = |error| {
+            format!(
+                "an FMU needs {}, which cannot be run: {error}",
+                own.display()
+            )
+        };
         let (file, blake3) = hashed(&own).map_err(in_words)?;
         Ok(Some(Self {
             path: own,
