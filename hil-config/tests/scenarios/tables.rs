@@ -252,6 +252,11 @@ fn a_mistake_is_named_with_its_line_and_the_possible_content() {
             "overlap the run",
         ),
     ];
+    let outside = check(b"t,x\n7,1\n8,2\n", "start_s = 2").expect_err("outside");
+    assert_eq!(
+        outside[0].help.as_deref(),
+        Some("start_s = 7 begins the run with the first row")
+    );
     for (csv, keys, line, piece, expected) in cases {
         let problems = check(csv.as_bytes(), keys).expect_err(csv);
         assert_eq!(problems.len(), 1, "{csv}: {problems:?}");
