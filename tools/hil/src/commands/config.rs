@@ -67,12 +67,18 @@ fn instruments(plan: &Plan, binaries: &Binaries, shown: &ShowArguments) -> Resul
             "--at-hz {hz}: frequencies lie between 0 and half of run.rate_hz, {half_hz} Hz"
         )));
     }
-    let (plants, ..) = binaries.described();
+    let (plants, laws, _) = binaries.described();
     let plant = (plan.plant_among(plants))
         .ok_or_else(|| Failure::usage(format!("no plant `{}`", plan.plant.model)))?;
+    let law = (plan.law_among(laws))
+        .ok_or_else(|| Failure::usage(format!("no law `{}`", plan.controller.law)))?;
+    let sides = figures::Sides {
+        plant: &plant,
+        law: &law,
+    };
     let text = match shown.scenario.json {
-        true => figures::json(plan, &plant, &shown.at_hz).map(|value| format!("{value:#}\n")),
-        false => figures::text(plan, &plant, &shown.at_hz),
+        true => figures::json(plan, sides, &shown.at_hz).map(|value| format!("{value:#}\n")),
+        false => figures::text(plan, sides, &shown.at_hz),
     };
     text.map_err(Failure::usage)
 }
