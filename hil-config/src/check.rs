@@ -47,6 +47,7 @@ use crate::scenario::Scenario;
 use crate::source::{Place, Sources};
 use changes::ChangeContext;
 use faults::{EventContext, Origin};
+use inputs::Advice;
 use run::Grid;
 
 pub(crate) use faults::{groups, unit_of};
@@ -62,6 +63,8 @@ pub struct RequestContext {
     pub parameters: Settings,
     /// Reference signals, and inputs of the plant with a course.
     pub stimuli: Vec<Stimulus>,
+    /// Constant inputs of the plant.
+    pub constants: Settings,
     /// Recorded inputs of sensors and of actuators.
     pub taps: [Vec<Field>; 2],
     /// The scenario's derived signals by name and definition.
@@ -85,6 +88,7 @@ impl RequestContext {
             kinds: kinds.to_vec(),
             parameters: plan.plant.parameters.clone(),
             stimuli: plan.stimuli.clone(),
+            constants: plan.plant.inputs.clone(),
             taps: plan.tap_fields(plant),
             derived: plan.definitions(),
             rate: plan.run.rate,
@@ -139,6 +143,10 @@ impl RequestContext {
             healthy: Some(&self.parameters),
             reference: Some(&reference),
             inputs: Some(&driven(&self.stimuli)),
+            advice: Advice {
+                stimuli: &self.stimuli,
+                constants: &self.constants,
+            },
             columns: Some(&columns),
             grid: Some(self.grid()),
             origin: Origin::Live {
@@ -306,6 +314,10 @@ fn parts(
         healthy: plant_plan.as_ref().map(|plan| &plan.parameters),
         reference: reference.as_deref(),
         inputs: driven_inputs.as_deref(),
+        advice: Advice {
+            stimuli: stimuli.as_deref().unwrap_or_default(),
+            constants: &inputs.constants,
+        },
         columns: columns.as_ref(),
         grid,
         origin: Origin::Scenario { folder },
@@ -314,6 +326,7 @@ fn parts(
         plant,
         law: law.map(|law| (law.name.as_str(), &law.parameters[..])),
         stimuli: stimuli.as_deref(),
+        constants: &inputs.constants,
         grid,
     };
     let changes = changes::check(reader, root, &changed);

@@ -55,6 +55,7 @@ impl LiveContext {
             kinds: faults.iter().map(|kind| kind.description.clone()).collect(),
             parameters: job.plant.parameters.clone(),
             stimuli: job.stimuli.clone(),
+            constants: job.plant.inputs.clone(),
             taps: job.tap_fields(&plant.description),
             derived: job.derived.clone(),
             rate: job.run.rate,

@@ -69,6 +69,7 @@ struct Reference {
     /// Aliases of the signal.
     aliases: Vec<String>,
     unit: String,
+    range: [f64; 2],
     column: usize,
     derivatives: usize,
     course: Option<Course>,
@@ -110,6 +111,7 @@ impl Tuning {
                 key: stimulus.key(),
                 aliases: stimulus.aliases.clone(),
                 unit: stimulus.unit.clone(),
+                range: stimulus.range,
                 column: begin,
                 derivatives,
                 course: None,
@@ -245,7 +247,10 @@ impl Tuning {
                     self.offered.parameters.iter().find(named)
                 });
                 let before = self.law.get(key).map(|course| course.at(step));
-                let from = before.or(offered.map(|one| one.value)).unwrap_or(to);
+                // A parameter that has no value yet has none from which a ramp could begin.
+                let known = before.or(offered.map(|one| one.value));
+                let known = known.filter(|from| !from.is_nan());
+                let (from, steps) = known.map_or((to, 0), |from| (from, steps));
                 if offered.is_some_and(|one| one.is_unreadable) {
                     self.unconfirmed.insert(key.clone());
                 }
@@ -419,8 +424,8 @@ impl Tuning {
             };
             let field = Field {
                 aliases: signal.aliases.clone(),
-                min: f64::MIN,
-                max: f64::MAX,
+                min: signal.range[0],
+                max: signal.range[1],
                 ..Field::signal(name, &signal.unit, description)
             };
             let original = stimulus.get(signal.column).copied().unwrap_or(0.0);

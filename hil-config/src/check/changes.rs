@@ -6,13 +6,14 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use shared_types::describe::PlantDescription;
+use shared_types::describe::{PlantDescription, Settings};
 use shared_types::live::ChangeRequest;
 use shared_types::record::{ChangedValue, MOST_CHANGES};
 use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::RequestContext;
+use super::inputs::Advice;
 use super::parameters::{LISTED, Written, collect, is_named};
 use super::run::Grid;
 use crate::document::Entry;
@@ -33,6 +34,8 @@ pub(crate) struct ChangeContext<'a> {
     pub law: Option<(&'a str, &'a [Field])>,
     /// Reference signals.
     pub stimuli: Option<&'a [Stimulus]>,
+    /// Constant inputs of the plant.
+    pub constants: &'a Settings,
     /// Steps of the run.
     pub grid: Option<Grid>,
 }
@@ -124,8 +127,8 @@ fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
         };
         let field = Field {
             aliases: stimulus.aliases.clone(),
-            min: f64::MIN,
-            max: f64::MAX,
+            min: stimulus.range[0],
+            max: stimulus.range[1],
             ..Field::signal(&stimulus.target, &stimulus.unit, "")
         };
         Known {
@@ -151,7 +154,11 @@ fn change(
         .table
         .get("set")
         .and_then(|_| reader.table(section, "set"));
-    let set = set.map(|set| values(reader, section, &set, keys));
+    let advice = Advice {
+        stimuli: context.stimuli.unwrap_or_default(),
+        constants: context.constants,
+    };
+    let set = set.map(|set| values(reader, section, &set, keys, advice));
     let clear = section
         .table
         .get("clear")
@@ -229,6 +236,7 @@ fn values(
     section: &Section<'_>,
     set: &Section<'_>,
     keys: Option<&[Known]>,
+    advice: Advice<'_>,
 ) -> Vec<ChangedValue> {
     let mut leaves = Vec::new();
     collect(set.table, "", &[], &mut leaves);
@@ -255,7 +263,8 @@ fn values(
             .filter(|one| one.is_tunable)
             .collect();
         if tunable.is_empty() {
-            unknown(reader, &path, &name, entry, keys, !matches.is_empty());
+            let is_there = !matches.is_empty();
+            unknown(reader, &path, &name, entry, keys, is_there, advice);
         }
         for one in tunable {
             let Some(value) = reader.quantity(&path, &entry.node, &Quantity::from(&one.field))
@@ -307,6 +316,7 @@ fn unknown(
     entry: &Entry,
     keys: &[Known],
     is_there: bool,
+    advice: Advice<'_>,
 ) {
     let tunable = keys.iter().filter(|one| one.is_tunable);
     let names: Vec<&str> = tunable.map(|one| one.key.as_str()).collect();
@@ -315,14 +325,17 @@ fn unknown(
         count if count <= LISTED => format!("one of {}", listed(names.iter().copied())),
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };
-    let message = match is_there {
+    let message = match is_there || advice.is_constant(name) {
         true => format!("`{name}` cannot be changed during the run"),
         false => format!("there is no `{name}` to change"),
     };
-    reader
+    let problem = reader
         .report(ProblemKind::UnknownKey, path, &entry.key_place, message)
         .expected(expected)
         .nearest(name, names.iter().copied());
+    if let Some(help) = advice.on(name) {
+        problem.help(help);
+    }
 }
 
 /// Lists the reference signals that return to their stimulus.
@@ -373,6 +386,7 @@ impl RequestContext {
             plant: Some(&self.plant),
             law: Some(law),
             stimuli: Some(&self.stimuli),
+            constants: &self.constants,
             grid: Some(self.grid()),
         };
         let change = live(&mut reader, &root, &context, id);

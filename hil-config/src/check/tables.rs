@@ -101,7 +101,7 @@ pub(super) fn check(
     }
     let (conversions, unit) = conversions(reader, section, signal, &rows)?;
     let points = moved(&rows.points, &conversions, [scale, offset, rows.start_s])?;
-    refuse_outside(reader, section, points.time_s(), repeat, grid)?;
+    refuse_outside(reader, section, points.time_s(), start_s, repeat, grid)?;
     if let Some(last) = rows.last
         && !repeat
         && section.table.get("end").is_none()
@@ -399,6 +399,7 @@ fn refuse_outside(
     reader: &mut Reader,
     section: &Section<'_>,
     time_s: &[f64],
+    start_s: f64,
     repeat: bool,
     grid: Option<Grid>,
 ) -> Option<()> {
@@ -408,7 +409,16 @@ fn refuse_outside(
     if repeat && !is_outside {
         return Some(());
     }
-    points::refuse_outside(reader, section, time_s, &span)
+    let fits = points::refuse_outside(reader, section, time_s, &span);
+    if fits.is_none()
+        && let Some(problem) = reader.problems.last_mut()
+    {
+        let first_s = number(start_s + time_s[0]);
+        problem.help(format!(
+            "start_s = {first_s} begins the run with the first row"
+        ));
+    }
+    fits
 }
 
 /// Refuses a file of chosen columns that ends before the last sample of the run: what follows is the scenario's to say.

@@ -1,12 +1,14 @@
 //! CSV: one header line, then rows of numbers. Read line by line, so that memory does not grow with other columns.
 //!
 //! Accepted are byte-order marks (UTF-8 and UTF-16), quotes, a comma, semicolon or tab as separator, Excel's `sep=`
-//! line, lines that end with a carriage return, blank lines and lines that begin with `#`.
+//! line, lines that end with a carriage return, blank lines and lines that begin with `#`. A column whose first cell is a
+//! date has dates in every row, read as the seconds since the first row.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read};
 use std::path::Path;
 
+use super::date::{self, Date};
 use super::{ColumnName, Objection, Refusal, TableSource, TakeRow};
 
 /// Longest line, in bytes.
@@ -23,6 +25,8 @@ pub(crate) struct Csv {
     lines: Lines,
     separator: u8,
     columns: Vec<ColumnName>,
+    /// Date in the first row of each column, if it is one.
+    first_dates: Vec<Option<Date>>,
 }
 
 /// Lines of a file.
@@ -31,6 +35,8 @@ struct Lines {
     line: Vec<u8>,
     /// Number of the line, from 1.
     number: usize,
+    /// `true` if the line is still to be read as a row.
+    is_pending: bool,
 }
 
 /// Opens a file and reads its header.
@@ -59,6 +65,7 @@ pub(crate) fn open(path: &Path) -> io::Result<Result<Csv, Refusal>> {
         input,
         line: Vec::new(),
         number: 0,
+        is_pending: false,
     };
     header(lines)
 }
@@ -101,6 +108,9 @@ impl Lines {
 
     /// Reads the next line with content; returns `false` at the end.
     fn advance_to_content(&mut self) -> io::Result<bool> {
+        if std::mem::take(&mut self.is_pending) {
+            return Ok(true);
+        }
         while self.advance()? {
             let content = self.line.trim_ascii();
             if !content.is_empty() && content[0] != b'#' {
@@ -155,11 +165,32 @@ fn header(mut lines: Lines) -> io::Result<Result<Csv, Refusal>> {
             "a time and at least one more column, with a comma, a semicolon or a tab between";
         return Ok(Err(lines.refuse(Objection::new(message, expected))));
     }
+    let mut columns: Vec<ColumnName> = cells.iter().map(|cell| ColumnName::of(cell)).collect();
+    let first_dates = first_dates(&mut lines, separator, columns.len())?;
+    for (column, date) in columns.iter_mut().zip(&first_dates) {
+        column.is_date = date.is_some();
+        if column.is_date {
+            column.unit = Some("s".into());
+        }
+    }
     Ok(Ok(Csv {
-        columns: cells.iter().map(|cell| ColumnName::of(cell)).collect(),
         lines,
         separator,
+        columns,
+        first_dates,
     }))
+}
+
+/// Returns the dates of the first row, which stays to be read.
+fn first_dates(lines: &mut Lines, separator: u8, columns: usize) -> io::Result<Vec<Option<Date>>> {
+    let header = lines.number;
+    lines.is_pending = lines.advance_to_content()?;
+    if !lines.is_pending {
+        lines.number = header;
+    }
+    let mut dates: Vec<_> = cells(&lines.line, separator).map(Date::parse).collect();
+    dates.resize(columns, None);
+    Ok(dates)
 }
 
 /// Returns the separator of a header: the first of these that stands outside of quotes.
@@ -233,14 +264,17 @@ impl TableSource for Csv {
             let mut wrong = None;
             for cell in cells(&self.lines.line, self.separator) {
                 for &place in places.get(count).into_iter().flatten() {
-                    match finite(cell) {
-                        Some(value) => numbers[place] = value,
-                        None => wrong = wrong.or(Some((count, cell))),
+                    let value = match self.first_dates[count] {
+                        Some(first) => first.seconds_to(cell, &self.columns[count].name),
+                        None => finite(cell).ok_or_else(|| self.wrong_cell(count, cell, is_first)),
+                    };
+                    match value {
+                        Ok(value) => numbers[place] = value,
+                        Err(objection) => wrong = wrong.or(Some(objection)),
                     }
                 }
                 count += 1;
             }
-            let wrong = wrong.map(|(column, cell)| self.wrong_cell(column, cell, is_first));
             if let Some(objection) = self.wrong_count(count).or(wrong) {
                 return Err(self.lines.refuse(objection));
             }
@@ -282,6 +316,22 @@ impl Csv {
             return Objection::new(
                 format!("not a point: `{text}` in `{name}` has a decimal comma"),
                 "a decimal point in every number",
+            );
+        }
+        if Date::parse(cell).is_some() {
+            return Objection::new(
+                format!(
+                    "not a point: `{text}` in `{name}` is a date, and the first row has a number"
+                ),
+                "a date in every row or a number in every row",
+            );
+        }
+        if date::resembles_date(&text) {
+            return Objection::new(
+                format!(
+                    "not a point: `{text}` in `{name}` is neither a number nor a date with a time of day"
+                ),
+                format!("numbers, or {}", date::FORMS),
             );
         }
         if is_first && text.parse::<f64>().is_err() {

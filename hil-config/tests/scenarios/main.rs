@@ -8,6 +8,7 @@ mod bad_requirements;
 mod chains;
 mod conditions;
 mod connect;
+mod dates;
 mod descriptions;
 mod evaluation;
 mod expressions;

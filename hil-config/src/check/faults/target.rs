@@ -252,7 +252,10 @@ pub(super) fn of_kind(
     if !is_fixed {
         problem.nearest = columns.nearest(name);
     }
-    if group == Group::Input {
+    let advice = context.advice.on(name);
+    if let Some(help) = advice {
+        problem.help(help);
+    } else if group == Group::Input {
         problem.help(format!(
             "[[stimuli]] with target = \"{PLANT_TARGET}{last}\" drives an input; one without a course cannot be faulted"
         ));
@@ -287,6 +290,9 @@ fn refuse(
     if !exists {
         let possible = Columns::named(possible(context, acts_on));
         problem.nearest = possible.nearest(name);
+    }
+    if let Some(help) = context.advice.on(name) {
+        problem.help(help);
     }
 }
 

@@ -71,12 +71,18 @@ fn instruments(
             "--at-hz {hz}: frequencies lie between 0 and half of run.rate_hz, {half_hz} Hz"
         )));
     }
-    let (plants, ..) = binaries.described();
+    let (plants, laws, _) = binaries.described();
     let plant = (plan.plant_among(plants))
         .ok_or_else(|| Failure::usage(format!("no plant `{}`", plan.plant.model)))?;
+    let law = (plan.law_among(laws))
+        .ok_or_else(|| Failure::usage(format!("no law `{}`", plan.controller.law)))?;
+    let sides = figures::Sides {
+        plant: &plant,
+        law: &law,
+    };
     let text = match arguments.scenario.json {
-        true => figures::json(plan, &plant, &arguments.at_hz).map(|value| format!("{value:#}\n")),
-        false => figures::text(plan, &plant, &arguments.at_hz),
+        true => figures::json(plan, sides, &arguments.at_hz).map(|value| format!("{value:#}\n")),
+        false => figures::text(plan, sides, &arguments.at_hz),
     };
     text.map_err(Failure::usage)
 }

@@ -681,7 +681,7 @@
       this.isAsking = false;
       this.isHeld = false;
       this.sentAt = 0;
-      this.isReference = told.key.startsWith("reference.");
+      this.isReference = /^(reference|input)\./.test(told.key);
       const id = "knob-" + nth;
       this.row = make("div", undefined, { class: "knob", title: told.description });
       const label = make("label", undefined, { for: id });
@@ -733,11 +733,12 @@
       if (Number.isFinite(value) && (value < this.span[0] || value > this.span[1])) this.span = this.reach();
       const [low, high] = this.span;
       const share = (Math.min(Math.max(value, low), high) - low) / (high - low || 1);
-      this.slider.value = String(Math.round(share * POSITIONS));
+      this.slider.value = String(Math.round((share || 0) * POSITIONS));
       this.slider.setAttribute("aria-valuetext", shown(value, this.told.unit));
-      if (document.activeElement !== this.field) this.field.value = typed(value);
+      this.field.placeholder = "not set";
+      if (document.activeElement !== this.field) this.field.value = Number.isNaN(value) ? "" : typed(value);
       this.row.dataset.changed = String(this.told.is_changed);
-      this.back.hidden = !this.told.is_changed;
+      this.back.hidden = !this.told.is_changed || Number.isNaN(real(this.told.original));
     }
 
     hear(told) {
