@@ -57,6 +57,7 @@ impl LiveContext {
             stimuli: job.stimuli.clone(),
             taps: job.tap_fields(&plant.description),
             derived: job.derived.clone(),
+            networks: job.bus.as_ref().map_or(1, |bus| bus.networks),
             rate: job.run.rate,
             steps: job.run.steps,
             names: Vec::new(),

@@ -46,6 +46,8 @@ pub(crate) struct EventContext<'a> {
     pub reference: Option<&'a [Field]>,
     /// Inputs of the plant that stimuli drive.
     pub inputs: Option<&'a [Field]>,
+    /// Number of networks that carry the frames of the link.
+    pub networks: u8,
     /// Columns that expressions may name: a record's signals and every derived signal.
     pub columns: Option<&'a Columns>,
     /// Steps of the run.
