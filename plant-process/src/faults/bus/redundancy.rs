@@ -96,14 +96,14 @@ mod tests {
 
     fn verdicts(skew_steps: u64, arrivals: &[(usize, u8, u64)]) -> Vec<Verdict> {
         let mut redundancy = Redundancy::new(skew_steps);
-        let mut judge = |&(network, number, step): &(usize, u8, u64)| {
+        let judge = |&(network, number, step): &(usize, u8, u64)| {
             // A restored receiver goes on as the saved one.
             let mut copy = Redundancy::new(skew_steps);
             copy.restore(redundancy.state());
             assert_eq!(copy, redundancy);
             redundancy.judge(network, number, step)
         };
-        arrivals.iter().map(|arrival| judge(arrival)).collect()
+        arrivals.iter().map(judge).collect()
     }
 
     #[test]
@@ -117,8 +117,9 @@ mod tests {
     #[test]
     fn the_first_valid_frame_of_both_networks_wins() {
         use Verdict::{First, OutOfOrder, Redundant};
+        type Case<'a> = (&'a str, u64, &'a [(usize, u8, u64)], &'a [Verdict]);
         #[rustfmt::skip] // a table
-        let cases: &[(&str, u64, &[(usize, u8, u64)], &[Verdict])] = &[
+        let cases: &[Case<'_>] = &[
             ("the second copy is redundant", 1, &[(0, 0, 0), (1, 0, 0), (1, 1, 1), (0, 1, 1)], &[First, Redundant, First, Redundant]),
             ("the other network fills a gap", 1, &[(0, 0, 0), (1, 0, 0), (1, 1, 1), (0, 2, 2), (1, 2, 2)], &[First, Redundant, First, First, Redundant]),
             ("two frames missing on a network make the next one invalid", 9, &[(0, 0, 0), (0, 3, 3), (0, 4, 4)], &[First, OutOfOrder, First]),

@@ -182,11 +182,11 @@ impl Rig {
 
     /// Sends 0, 1, 2 .. as readings; returns the received readings, their validity and the age.
     fn count(&mut self, steps: u64) -> Vec<(f64, bool, u32)> {
-        let mut passed = |k: u64| {
+        let passed = |k: u64| {
             let passed = self.send(k as f64, true);
             (passed.a_m, passed.invalid & 1 == 0, passed.age_steps)
         };
-        (0..steps).map(|k| passed(k)).collect()
+        (0..steps).map(passed).collect()
     }
 
     fn counts(&self, frame: &str) -> BusCounts {
