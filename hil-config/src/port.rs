@@ -8,18 +8,23 @@ mod fields;
 mod frames;
 mod media;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_codec::frame::Frame;
 use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::table::{Field, unit_of_name};
+use shared_types::time::Rate;
 
-use crate::check::{TITLE, is_title, root};
 use crate::document::Value;
 use crate::keys::PORT;
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
-use crate::scenario::{Scenario, read_regular, unreadable};
+use crate::scenario::{Scenario, read_regular, root, unreadable};
+use crate::title::{TITLE, is_title};
+
+use dbc::DbcFiles;
+pub(crate) use dbc::read_text as read_dbc;
 
 /// Port file.
 #[derive(Clone, Debug, PartialEq)]
@@ -169,6 +174,29 @@ pub enum Period {
     Seconds(f64),
 }
 
+impl Period {
+    /// Returns the period in steps of a run at this rate.
+    ///
+    /// # Errors
+    /// The nearest periods in s that are whole steps, if this one is not.
+    pub fn steps(self, rate: Rate) -> Result<u64, (f64, f64)> {
+        let period_s = match self {
+            Self::Steps(steps) => return Ok(steps),
+            Self::Seconds(period_s) => period_s,
+        };
+        let steps = period_s * rate.hz();
+        let whole = steps.round();
+        if whole >= 1.0 && (steps - whole).abs() <= 1e-9 * (1.0 + steps) {
+            return Ok(whole as u64);
+        }
+        let seconds = |steps: f64| {
+            let steps = if steps < 1.0 { 1.0 } else { steps };
+            steps / rate.hz()
+        };
+        Err((seconds(steps.floor()), seconds(steps.ceil())))
+    }
+}
+
 /// Signals that the fields of a port may name.
 #[derive(Clone, Copy, Debug)]
 pub struct PortTables<'a> {
@@ -211,6 +239,19 @@ impl Port {
         origin: &Path,
         tables: Option<&PortTables<'_>>,
     ) -> Result<Self, Problems> {
+        Self::parse_with(text, origin, tables, &BTreeMap::new())
+    }
+
+    /// Parses the text of a port file; a DBC file with a text among these is not read.
+    ///
+    /// # Errors
+    /// All problems.
+    pub fn parse_with(
+        text: &str,
+        origin: &Path,
+        tables: Option<&PortTables<'_>>,
+        dbc: &BTreeMap<String, String>,
+    ) -> Result<Self, Problems> {
         let scenario = Scenario::parse(text, origin)?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
         let root = root(&scenario).with_keys(PORT);
@@ -218,7 +259,7 @@ impl Port {
             root.table.get("port").is_some() && reader.integer(&root, "port").is_none();
         let port = match is_other_version {
             true => None,
-            false => port(&mut reader, &root, origin, tables),
+            false => port(&mut reader, &root, (origin, dbc), tables),
         };
         reader.finish(port)
     }
@@ -262,7 +303,7 @@ pub fn is_port(text: &str) -> bool {
 fn port(
     reader: &mut Reader,
     root: &Section<'_>,
-    origin: &Path,
+    (origin, dbc): (&Path, &BTreeMap<String, String>),
     tables: Option<&PortTables<'_>>,
 ) -> Option<Port> {
     reader.integer(root, "port");
@@ -288,7 +329,7 @@ fn port(
     }
     let description = reader.text(root, "description").unwrap_or_default().into();
     let media = media::read(reader, root);
-    let frames = frames::read(reader, root, &media, origin, tables);
+    let frames = frames::read(reader, root, &media, DbcFiles::new(origin, dbc), tables);
     Some(Port {
         name,
         description,

@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use crate::document::{Table, Value};
 use crate::flag;
+use crate::keys;
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
-use crate::reader::Reader;
+use crate::reader::{Reader, Section};
 use crate::source::{Place, Sources};
 use crate::table_file::Format;
 
@@ -152,6 +153,20 @@ impl Scenario {
             }
         }
         self
+    }
+}
+
+/// Returns the root table of a scenario.
+pub(crate) fn root(scenario: &Scenario) -> Section<'_> {
+    const START: &Place = &Place {
+        source: Sources::SCENARIO,
+        span: 0..0,
+    };
+    Section {
+        table: &scenario.table,
+        keys: keys::SCENARIO,
+        path: String::new(),
+        place: START,
     }
 }
 

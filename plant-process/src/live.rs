@@ -58,6 +58,7 @@ impl LiveContext {
             constants: job.plant.inputs.clone(),
             taps: job.tap_fields(&plant.description),
             derived: job.derived.clone(),
+            networks: job.bus.as_ref().map_or(1, |bus| bus.networks),
             rate: job.run.rate,
             steps: job.run.steps,
             names: Vec::new(),

@@ -33,9 +33,9 @@ use crate::layout::{SignalKind, SignalTable, difference};
 use crate::table::Field;
 
 pub use event::{
-    ChangedValue, ControllerChange, ControllerFate, Event, FaultAccepted, FaultBegun,
+    BusCounts, ChangedValue, ControllerChange, ControllerFate, Event, FaultAccepted, FaultBegun,
     FaultEffectSize, FaultEnded, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, Mark, Outcome, RunEnd,
-    ValueChange,
+    SaturatedSignal, ValueChange,
 };
 
 /// Version of records and of recordings.

@@ -22,7 +22,13 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
     ("hil-config", &["shared-types", "hil-codec"], &[]),
     (
         "plant-process",
-        &["shared-types", "hil-session", "hil-config", "hil-origin"],
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-codec",
+            "hil-config",
+            "hil-origin",
+        ],
         &[],
     ),
     (

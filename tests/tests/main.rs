@@ -100,6 +100,7 @@ mod audit;
 mod bad_input;
 mod baselines;
 mod book;
+mod bus;
 mod by_hand;
 mod campaign;
 mod chatter;

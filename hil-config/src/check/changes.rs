@@ -22,7 +22,7 @@ use crate::plan::{Change, INPUT_KEYS, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_
 use crate::problem::{ProblemKind, Problems, listed};
 use crate::quantity::{Quantity, toml_float};
 use crate::reader::{Reader, Section};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, root};
 
 /// Context against which changes are checked. A part that is `None` is itself faulty; anything that depends on it is
 /// not checked.
@@ -381,7 +381,7 @@ impl RequestContext {
     ) -> Result<Change, Problems> {
         let scenario = Scenario::parse(&toml(request), "request")?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-        let root = super::root(&scenario).with_keys(LIVE_CHANGE);
+        let root = root(&scenario).with_keys(LIVE_CHANGE);
         let context = ChangeContext {
             plant: Some(&self.plant),
             law: Some(law),

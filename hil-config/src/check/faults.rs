@@ -49,6 +49,8 @@ pub(crate) struct EventContext<'a> {
     pub inputs: Option<&'a [Field]>,
     /// Inputs of the plant that the scenario drives, for advice.
     pub advice: Advice<'a>,
+    /// Number of networks that carry the frames of the link.
+    pub networks: u8,
     /// Columns that expressions may name: a record's signals and every derived signal.
     pub columns: Option<&'a Columns>,
     /// Steps of the run.

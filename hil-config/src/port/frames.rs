@@ -1,7 +1,6 @@
 //! Reader of the frames of a port, and the checks of a frame as a whole and of frames among each other.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use hil_codec::frame::{Body, CanId, Content, Frame, JsonContent, Mistake};
 use shared_types::layout::SignalKind;
@@ -9,10 +8,10 @@ use shared_types::layout::SignalKind;
 use super::dbc::DbcFiles;
 use super::fields::{self, FrameContext, order, without_effect};
 use super::{Carries, Medium, Period, PortFrame, PortTables, is_too_long};
-use crate::check::{TITLE, is_title};
 use crate::keys::{MOST_FIELDS, MOST_FRAMES};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use crate::title::{TITLE, is_title};
 
 /// Lengths of CAN FD above 8 bytes (ISO 11898-1).
 const FD_LENGTHS: [usize; 7] = [12, 16, 20, 24, 32, 48, 64];
@@ -22,7 +21,7 @@ pub(super) fn read(
     reader: &mut Reader,
     root: &Section<'_>,
     media: &Option<Vec<Medium>>,
-    origin: &Path,
+    mut files: DbcFiles<'_>,
     tables: Option<&PortTables<'_>>,
 ) -> Option<Vec<PortFrame>> {
     if is_too_long(reader, root, "frames", MOST_FRAMES) {
@@ -36,7 +35,6 @@ pub(super) fn read(
         }
         return None;
     }
-    let mut files = DbcFiles::new(origin);
     let mut frames = Vec::new();
     let mut is_whole = true;
     for section in &sections {

@@ -3,10 +3,10 @@
 use std::net::SocketAddr;
 
 use super::{Medium, MediumKind, Parity};
-use crate::check::{TITLE, is_title};
 use crate::keys::MEDIA;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use crate::title::{TITLE, is_title};
 
 /// Reads all media; `None` if one of them is faulty.
 pub(super) fn read(reader: &mut Reader, root: &Section<'_>) -> Option<Vec<Medium>> {

@@ -5,6 +5,7 @@ mod bad;
 mod bad_faults;
 mod bad_plots;
 mod bad_requirements;
+mod bus;
 mod chains;
 mod conditions;
 mod connect;

@@ -18,10 +18,12 @@ use shared_types::describe::Invalid;
 use shared_types::directive::Directive;
 use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 use shared_types::live::FaultState;
-use shared_types::record::{Event, FaultEffectSize, FaultEnded, RecordLayout};
+use shared_types::record::{BusCounts, Event, FaultEffectSize, FaultEnded, RecordLayout};
+use shared_types::state::State;
 use shared_types::time::{Rate, Step};
 
 use super::builder::{ArmedFault, FaultBuilder};
+use super::bus::{Bus, Line};
 use super::effect::{Action, Direction, Effect, SavedEffect};
 use super::parameters::{Parameters, SavedParameters};
 use super::schedule::{Change, SavedEvent, Schedule, waits_for};
@@ -115,6 +117,50 @@ impl FaultLayer {
             events: VecDeque::new(),
             path: String::new(),
         })
+    }
+
+    /// Lets the signals of both directions cross the frames of a bus.
+    #[must_use]
+    pub fn with_bus(mut self, bus: Option<Bus>) -> Self {
+        if let Some(Bus { sample, command }) = bus {
+            self.targets.sample.cross(sample);
+            self.targets.command.cross(command);
+        }
+        self
+    }
+
+    /// Returns the state of the bus, one of each direction; none without a bus.
+    ///
+    /// # Errors
+    /// Never, as it consists of numbers only.
+    pub fn save_bus(&self) -> Result<Vec<State>, Invalid> {
+        let lines = [&self.targets.sample, &self.targets.command];
+        let lines = lines.into_iter().filter_map(SignalPath::line);
+        lines.map(|line| State::of(&line.save())).collect()
+    }
+
+    /// Restores the state of the bus from the end of these states, and returns the others.
+    ///
+    /// # Errors
+    /// If it is one of another bus.
+    pub fn restore_bus<'a>(&mut self, states: &'a [State]) -> Result<&'a [State], Invalid> {
+        let lines = [&mut self.targets.sample, &mut self.targets.command];
+        let lines: Vec<_> = lines.into_iter().filter_map(SignalPath::line_mut).collect();
+        let (others, own) = (states.len().checked_sub(lines.len()))
+            .and_then(|others| states.split_at_checked(others))
+            .ok_or_else(|| Invalid("the state has none of the bus".into()))?;
+        for (line, state) in lines.into_iter().zip(own) {
+            line.restore(&state.read::<Vec<u64>>()?)?;
+        }
+        Ok(others)
+    }
+
+    /// Returns the counts of each frame of the bus.
+    #[must_use]
+    pub fn bus_counts(&self) -> Vec<BusCounts> {
+        let lines = [&self.targets.sample, &self.targets.command];
+        let lines = lines.into_iter().filter_map(SignalPath::line);
+        lines.flat_map(Line::counts).collect()
     }
 
     /// Returns the state of all faults. Call it between two steps, when all events have been published.
@@ -270,12 +316,21 @@ impl FaultLayer {
     /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
+        let has_events = |path: &SignalPath| path.line().is_some_and(Line::has_events);
         !self.events.is_empty()
+            || has_events(&self.targets.sample)
+            || has_events(&self.targets.command)
     }
 
-    /// Takes the next event of a beginning or end, in order.
+    /// Takes the next event: a beginning or end, in order, or a signal of the bus that exceeds its range.
     pub fn next_event(&mut self) -> Option<Event> {
-        self.events.pop_front()
+        let Targets {
+            sample, command, ..
+        } = &mut self.targets;
+        let mark = |path: &mut SignalPath| path.line_mut()?.next_event().map(Event::Mark);
+        (self.events.pop_front())
+            .or_else(|| mark(sample))
+            .or_else(|| mark(command))
     }
 
     /// Admits live faults before a step, all or none.
@@ -359,7 +414,7 @@ impl FaultLayer {
 
     /// Returns the number of frames corrupted by faults and rejected by their checksum.
     #[must_use]
-    pub const fn rejected(&self) -> u64 {
+    pub fn rejected(&self) -> u64 {
         self.targets.sample.rejected() + self.targets.command.rejected()
     }
 

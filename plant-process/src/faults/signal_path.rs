@@ -8,6 +8,7 @@ use shared_types::describe::Invalid;
 use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 use shared_types::time::{Rate, Step};
 
+use super::bus::Line;
 use super::channel::{About, Channel, SavedChannel};
 use super::effect::{Action, Effect};
 use super::kind::{Passage, Reading};
@@ -24,6 +25,8 @@ pub(super) struct SignalPath {
     /// Signals of the previous step, whose values replace invalid signals; 0 before the first step.
     previous: Vec<f64>,
     channel: Channel,
+    /// Frames in place of the channel.
+    line: Option<Box<Line>>,
 }
 
 /// Saved state of a path.
@@ -43,7 +46,23 @@ impl SignalPath {
             link: Vec::new(),
             previous: vec![0.0; width],
             channel: Channel::new(width, kind),
+            line: None,
         }
+    }
+
+    /// Lets the signals cross frames.
+    pub(super) fn cross(&mut self, line: Line) {
+        self.line = Some(Box::new(line));
+    }
+
+    /// Returns the frames that the signals cross, if any.
+    pub(super) fn line(&self) -> Option<&Line> {
+        self.line.as_deref()
+    }
+
+    /// Returns the frames that the signals cross, if any.
+    pub(super) fn line_mut(&mut self) -> Option<&mut Line> {
+        self.line.as_deref_mut()
     }
 
     /// Returns the state.
@@ -71,8 +90,8 @@ impl SignalPath {
     }
 
     /// Returns the number of frames rejected by their checksum.
-    pub(super) const fn rejected(&self) -> u64 {
-        self.channel.rejected()
+    pub(super) fn rejected(&self) -> u64 {
+        self.channel.rejected() + self.line().map_or(0, Line::rejected)
     }
 
     /// Returns the active effects on signals.
@@ -88,16 +107,20 @@ impl SignalPath {
     /// Begins an effect on the link.
     pub(super) fn begin(&mut self, effect: &mut Effect) {
         self.channel.begin();
-        if let Action::Link(_, _, arrivals) = &mut effect.action {
+        if let Action::Link(_, _, _, arrivals) = &mut effect.action {
             arrivals.continue_from(self.channel.arrivals());
         }
     }
 
     /// Ends an effect on the link.
     pub(super) fn end(&mut self, effects: &mut [Effect], step: Step) {
+        if let Some(line) = &mut self.line {
+            line.end();
+            return;
+        }
         self.channel.end(step);
         for &effect in &self.link {
-            if let Action::Link(_, _, arrivals) = &mut effects[effect].action {
+            if let Action::Link(_, _, _, arrivals) = &mut effects[effect].action {
                 arrivals.overrule(step.0);
             }
         }
@@ -139,6 +162,10 @@ impl SignalPath {
         (row, invalid): Row<'_>,
         age_steps: u32,
     ) -> u32 {
+        if let Some(line) = &mut self.line {
+            let acting = (effects, &self.link[..]);
+            return line.carry(acting, (step, rate), (row, invalid), age_steps);
+        }
         let about = About {
             step: step.0,
             age_steps,
@@ -155,7 +182,7 @@ impl SignalPath {
             let effect = &mut effects[effect];
             let at = effect.moment(step, rate);
             let (before, received_before) = (passage, received);
-            if let Action::Link(_, fault, arrivals) = &mut effect.action {
+            if let Action::Link(_, _, fault, arrivals) = &mut effect.action {
                 fault.message(&at, &mut passage);
                 if self.channel.gets_through(step, &passage) {
                     arrivals.send(step.0, &passage);

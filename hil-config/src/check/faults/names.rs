@@ -4,10 +4,10 @@ use std::collections::HashMap;
 
 use super::Origin;
 use super::span::Reported;
-use crate::check::is_title;
 use crate::document::Value;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
+use crate::title::is_title;
 
 /// Events that `after` can refer to.
 #[derive(Debug)]

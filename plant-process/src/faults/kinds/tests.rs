@@ -243,5 +243,5 @@ fn every_kind_has_a_name_of_its_own_and_defaults_in_range() {
         }
         names.push(description.kind);
     }
-    assert_eq!(names.len(), 30);
+    assert_eq!(names.len(), 31);
 }

@@ -8,6 +8,7 @@ use hil_config::requirements::RequirementValue;
 use shared_types::record::{ControllerChange, Mark, RunEnd, Timing, ValueChange};
 
 use crate::results::faults::FaultLog;
+use crate::results::held_commands::HeldCommand;
 use crate::results::latency::legs::LatencySummary;
 
 /// Maximum number of compared steps.
@@ -38,6 +39,8 @@ pub struct Recorded {
     pub lost: u64,
     /// Counts of controller commands in the records; `None` for an excerpt, which lacks some records.
     pub answers: Option<Answers>,
+    /// Commands that the plant held without a valid new value.
+    pub held_commands: Vec<HeldCommand>,
     /// Digest of all processed records; `None` if something was lost.
     pub digest: Option<String>,
     /// Digests after certain numbers of records, as far as requested and available.

@@ -11,6 +11,7 @@ use hil_facts::results::curve::Grid;
 use hil_facts::results::curves::CurveTaker;
 use hil_facts::results::ending;
 use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::held_commands::HeldCommands;
 use hil_facts::results::latency::legs::Latency;
 use hil_facts::results::recorded::{Recorded, Stretch};
 use hil_facts::session::happening::Happening;
@@ -137,6 +138,7 @@ impl RecorderWork {
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }
         let grid = self.grid.clone();
+        self.collector.held_commands = HeldCommands::of(&layout);
         self.collector.curve = grid.map(|grid| CurveTaker::new(grid, &self.plan, &layout));
         if let Some(plan) = &self.recording_plan {
             let part = (!plan.choice.is_all()).then_some(Part {

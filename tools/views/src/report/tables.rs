@@ -202,6 +202,12 @@ pub(super) fn events(runs: &[Run]) -> Markup {
                 @for change in &run.outcome.recorded.values {
                     li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) (not_confirmed(&run.outcome.recorded.faults.unconfirmed_of(change))) }
                 }
+                @for held in &run.outcome.recorded.held_commands {
+                    li { (held.describe(run.last.0)) }
+                }
+                @for counts in run.outcome.recorded.end.iter().flat_map(|end| &end.bus) {
+                    li { (counts.describe()) }
+                }
                 @for mark in &run.outcome.recorded.marks {
                     li { "mark, step " (mark.step) ", " (seconds(run.rate.seconds(Step(mark.step)))) " s: " (mark.text) }
                 }

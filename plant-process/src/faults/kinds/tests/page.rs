@@ -113,6 +113,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         stimuli,
         taps: [Vec::new(), Vec::new()],
         derived: vec![],
+        networks: 1,
         rate: rate(10_000.0),
         steps: 200_000,
         names: vec![],

@@ -85,6 +85,12 @@ impl Summary {
         for connection in &self.connections {
             writeln!(text, "  connected: {connection}")?;
         }
+        for held in &self.held_commands {
+            writeln!(text, "  {}", held.describe(self.steps))?;
+        }
+        for counts in &self.bus {
+            writeln!(text, "  {}", counts.describe())?;
+        }
         for controller in &self.controllers {
             writeln!(text, "  {}", controller.describe())?;
         }
