@@ -111,6 +111,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         kinds: all().into_iter().map(|entry| entry.description).collect(),
         parameters,
         stimuli,
+        constants: Settings::default(),
         taps: [Vec::new(), Vec::new()],
         derived: vec![],
         networks: 1,
