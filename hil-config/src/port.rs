@@ -254,13 +254,14 @@ impl Port {
         for kind in carries.kinds() {
             let mut fields: Vec<Field> = Vec::new();
             let frames = self.frames.iter().filter(|one| one.carries == carries);
-            for (signal, number) in frames.clone().flat_map(|one| one.frame.signals()) {
-                if signal.kind == *kind {
+            for frame in frames.clone().map(|one| &one.frame) {
+                for (signal, number) in frame.signals().filter(|(one, _)| one.kind == *kind) {
                     let (min, max) = number.range();
+                    let description = format!("Field of frame {}.", frame.name);
                     fields.push(Field {
                         min,
                         max,
-                        ..Field::signal(&signal.name, &signal.unit, "")
+                        ..Field::signal(&signal.name, &signal.unit, &description)
                     });
                 }
             }

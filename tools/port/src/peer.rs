@@ -79,7 +79,7 @@ impl Peer {
             if Instant::now() >= until {
                 let limit_s = limit.as_secs_f64();
                 return Err(format!(
-                    "the peer `{}` did not print `{ready}` within {limit_s:.3} s; raise run.wait_limit_s if it needs longer",
+                    "the peer `{}` did not print `{ready}` within {limit_s:.3} s; raise --wait-limit if it needs longer",
                     self.name
                 ));
             }
