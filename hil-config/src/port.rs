@@ -33,10 +33,34 @@ pub struct Port {
     pub name: String,
     /// Purpose.
     pub description: String,
+    /// Exchange as a controller.
+    pub exchange: Exchange,
+    /// `false` if the far end keeps a clock of its own, so that two equal runs differ.
+    pub is_repeatable: bool,
+    /// Start of the far end.
+    pub start: Start,
     /// Media.
     pub media: Vec<Medium>,
     /// Frames.
     pub frames: Vec<PortFrame>,
+}
+
+/// Exchange of a port as a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exchange {
+    /// Each sample is answered by the commands that are due at its step.
+    Answers,
+    /// The newest commands are used, and none is waited for.
+    Free,
+}
+
+/// Start of the program at the far end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// Program and arguments; empty if the far end is started by others.
+    pub command: Vec<String>,
+    /// Beginning of the line that the program prints once it is ready.
+    pub ready: Option<String>,
 }
 
 /// Medium on which frames travel.
@@ -271,13 +295,14 @@ impl Port {
         for kind in carries.kinds() {
             let mut fields: Vec<Field> = Vec::new();
             let frames = self.frames.iter().filter(|one| one.carries == carries);
-            for (signal, number) in frames.clone().flat_map(|one| one.frame.signals()) {
-                if signal.kind == *kind {
+            for frame in frames.clone().map(|one| &one.frame) {
+                for (signal, number) in frame.signals().filter(|(one, _)| one.kind == *kind) {
                     let (min, max) = number.range();
+                    let description = format!("Field of frame {}.", frame.name);
                     fields.push(Field {
                         min,
                         max,
-                        ..Field::signal(&signal.name, &signal.unit, "")
+                        ..Field::signal(&signal.name, &signal.unit, &description)
                     });
                 }
             }
@@ -328,14 +353,43 @@ fn port(
             .expected(TITLE);
     }
     let description = reader.text(root, "description").unwrap_or_default().into();
+    let exchange = match reader.text(root, "exchange") {
+        Some("free") => Exchange::Free,
+        _ => Exchange::Answers,
+    };
+    let is_repeatable = reader.boolean(root, "repeatable");
+    let start = start(reader, root);
     let media = media::read(reader, root);
     let frames = frames::read(reader, root, &media, DbcFiles::new(origin, dbc), tables);
     Some(Port {
         name,
         description,
+        exchange,
+        is_repeatable: is_repeatable?,
+        start: start?,
         media: media?,
         frames: frames?,
     })
+}
+
+fn start(reader: &mut Reader, root: &Section<'_>) -> Option<Start> {
+    let ready = reader.text(root, "ready").map(str::to_owned);
+    let command: Vec<String> = match root.table.get("start") {
+        None => Vec::new(),
+        Some(_) => {
+            let texts = reader.texts(root, "start")?;
+            texts
+                .into_iter()
+                .map(|(_, _, text)| text.to_owned())
+                .collect()
+        }
+    };
+    if command.is_empty() && ready.is_some() {
+        let message = "`ready` needs `start`";
+        reader.report_at(root, "ready", ProblemKind::Mismatch, message);
+        return None;
+    }
+    Some(Start { command, ready })
 }
 
 /// Returns the unit of a signal without a table.

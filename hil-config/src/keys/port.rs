@@ -20,6 +20,14 @@ pub(crate) const PORT: &[Key] = keys! {
         "Version of this format; the first key of the file, by which a port file is recognised.";
     name: TEXT, "Name of the port: letters, digits, - and _. Default: the file's name up to the first dot.";
     description: TEXT, "Purpose of the port.";
+    exchange: choice(&["answers", "free"]),
+        "As a controller: each sample is answered, or the newest command is used without waiting for one.";
+    repeatable: KeyKind::Boolean { default: true },
+        "The far end gives the same commands for the same samples. Set it to false if it keeps a clock of its own.";
+    start: KeyKind::Texts,
+        "Program that starts the far end, with its arguments, in the folder of this file. Default: the far end is waited for.";
+    ready: TEXT,
+        "Beginning of the line that the started program prints once it can be used. Default: it can be used at once.";
     media: KeyKind::List(MEDIUM), "Media on which frames travel. A bus that is only simulated needs none.";
     frames!: KeyKind::List(FRAME), "Frames.";
 };

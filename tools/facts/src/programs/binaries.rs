@@ -24,7 +24,7 @@ use answer::{asked, objection, silence, unprintable};
 use beside_desk::BesideDesk;
 pub use file::beside;
 use file::{FileIdentity, hashed, hashed_model};
-use host::{Host, is_model};
+use host::{Host, ModelKind};
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 use reached::Reached;
 
@@ -258,9 +258,9 @@ impl Binary {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let path = std::path::absolute(path).map_err(Failure::usage)?;
-        let (permissions, settings) = match is_model(&path) {
-            true => of_fmu,
-            false => Default::default(),
+        let (permissions, settings) = match ModelKind::of(&path) {
+            Some(ModelKind::Fmu) => of_fmu,
+            _ => Default::default(),
         };
         let choice = Choice {
             permissions,
@@ -378,13 +378,16 @@ impl Binary {
         let path_text = path.display();
         let cannot = |error: &dyn std::fmt::Display| choice.cannot_run(role, error);
         let host = Host::of(choice, role.side).map_err(|error| cannot(&error))?;
-        if let (Some(_), Some(at)) = (&host, at) {
-            let target = at.target();
+        if let (Some(host), Some(at)) = (&host, at) {
+            let (words, target) = (host.kind.words(), at.target());
             return Err(cannot(&format!(
-                "an FMU can run only on this machine, not on {target}; omit --target, or name a controller program"
+                "{words} can run only on this machine, not on {target}; omit --target, or name a controller program"
             )));
         }
-        if let (None, Some(reason)) = (&host, choice.only_for_an_fmu(role)) {
+        let is_fmu = host
+            .as_ref()
+            .is_some_and(|host| host.kind == ModelKind::Fmu);
+        if let (false, Some(reason)) = (is_fmu, choice.only_for_an_fmu(role)) {
             return Err(Failure::usage(format!(
                 "{path_text} is not an FMU, so {reason}"
             )));

@@ -13,6 +13,7 @@ use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left};
 use hil_facts::arguments::BinaryArguments;
+use hil_facts::programs::binaries::host::is_port_file;
 use hil_facts::programs::binaries::named::{CONTROLLER, Named, PLANT};
 use hil_facts::programs::binaries::{Binary, Choices};
 use serde_json::json;
@@ -29,7 +30,7 @@ use crate::arguments::describe::{DescribeArguments, DescribedSide};
 /// # Errors
 /// If the file is neither a sound port file nor a program or an FMU that can run on this machine.
 pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
-    if port::is_port_file(&arguments.file) {
+    if is_port_file(&arguments.file) {
         return port::describe(arguments);
     }
     let interruption = Interruption::listen()?;

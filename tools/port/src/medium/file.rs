@@ -1,0 +1,69 @@
+//! Files that hold one frame: Linux gives converters and PWM outputs as files of text.
+
+use std::fs::{File as Opened, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::os::fd::BorrowedFd;
+use std::os::unix::fs::FileExt;
+
+use hil_codec::frame::CanId;
+
+use super::{Arrival, Medium, MediumCounts};
+
+/// File that is read and written from its beginning. Each read is an arrival.
+#[derive(Debug)]
+pub(super) struct File {
+    reader: Option<Opened>,
+    writer: Option<Opened>,
+    /// `true` if the file has been read since the last call that returned nothing.
+    is_read: bool,
+}
+
+impl File {
+    /// Opens a file for what its owner allows: a converter can only be read, and some outputs only be written.
+    pub(super) fn open(path: &str) -> io::Result<Self> {
+        let reader = OpenOptions::new().read(true).open(path);
+        let writer = OpenOptions::new().write(true).open(path);
+        match (reader, writer) {
+            (Err(error), Err(_)) => Err(error),
+            (reader, writer) => Ok(Self {
+                reader: reader.ok(),
+                writer: writer.ok(),
+                is_read: false,
+            }),
+        }
+    }
+}
+
+impl Medium for File {
+    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<()> {
+        let writer = self.writer.as_ref().ok_or(ErrorKind::PermissionDenied)?;
+        writer.write_all_at(bytes, 0)?;
+        // An ordinary file would keep the end of a longer frame; a device's has no length.
+        if writer.metadata()?.len() > bytes.len() as u64 {
+            let _ = writer.set_len(bytes.len() as u64);
+        }
+        Ok(())
+    }
+
+    fn has_reached_nobody(&mut self) -> bool {
+        false
+    }
+
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
+        self.is_read = !self.is_read;
+        let Some(reader) = self.reader.as_ref().filter(|_| self.is_read) else {
+            return Ok(None);
+        };
+        let length = reader.read_at(buffer, 0)?;
+        let length = buffer[..length].trim_ascii_end().len();
+        Ok((length > 0).then_some(Arrival { length, id: None }))
+    }
+
+    fn readable(&self) -> Option<BorrowedFd<'_>> {
+        None
+    }
+
+    fn counts(&self) -> MediumCounts {
+        MediumCounts::default()
+    }
+}

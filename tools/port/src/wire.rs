@@ -1,0 +1,453 @@
+//! The frames of a port, bound to the rows of a side: what is sent, what arrives, and what is counted.
+
+use std::io;
+use std::mem::{Discriminant, discriminant, take};
+use std::os::fd::BorrowedFd;
+use std::time::{Duration, Instant};
+
+use hil_codec::frame::{CanId, Frame};
+use hil_codec::pack::Packer;
+use hil_codec::receive::Receiver;
+use hil_codec::row::{Refusal, Row};
+use hil_config::port::{Carries, Period, Port, PortFrame};
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use serde::Serialize;
+use shared_types::quality::SignalSet;
+
+use crate::medium::{self, Cut, LONGEST, Medium};
+
+/// Name of the file in the session's folder with the counts of a port.
+pub const COUNTS_FILE: &str = "port.json";
+
+/// Most frames that are read in one step from one medium. A peer that sends more is read on at the next step; the
+/// kernel drops what does not fit its buffer.
+const MOST_AT_ONCE: usize = 4096;
+/// Pause between two looks at a medium that cannot be waited for.
+const LOOK: Duration = Duration::from_micros(200);
+/// Most kinds of refusals that are printed; all are counted.
+const MOST_PRINTED: usize = 20;
+/// Most bytes of a refused frame that are printed.
+const MOST_BYTES: usize = 64;
+
+/// Counts of a port at the end of a run.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Counts {
+    /// Frames, in the order of the port file.
+    pub frames: Vec<FrameCounts>,
+    /// Media, in the order of the port file.
+    pub media: Vec<MediumReport>,
+}
+
+/// Counts of one frame.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct FrameCounts {
+    /// Name.
+    pub name: String,
+    /// Times it was sent.
+    pub sent: u64,
+    /// Values that were sent as the limit of their field.
+    pub saturated: u64,
+    /// Times it arrived and was accepted.
+    pub accepted: u64,
+    /// Times it arrived with the counter of the one before.
+    pub repeated: u64,
+    /// Times it arrived and was refused for another reason.
+    pub refused: u64,
+    /// Times it is missing by its counter.
+    pub lost: u64,
+    /// Fields that were refused in accepted frames.
+    pub refused_fields: u64,
+    /// Times it arrived although no answer was awaited.
+    pub unasked: u64,
+}
+
+/// Counts of one medium.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct MediumReport {
+    /// Name.
+    pub name: String,
+    /// Frames that are none of the port's.
+    pub foreign: u64,
+    /// Frames from a sender other than the peer.
+    pub strangers: u64,
+    /// Times that another sender took the place of the peer.
+    pub new_peers: u64,
+    /// Bytes that belong to no frame.
+    pub skipped_bytes: u64,
+    /// Frames that were not sent because nobody reads them.
+    pub unsent: u64,
+}
+
+/// Frame that is sent.
+struct Outgoing {
+    /// Place in the port file.
+    frame: usize,
+    medium: usize,
+    id: Option<CanId>,
+    packer: Packer,
+    divider: u64,
+    /// Bytes that were sent last.
+    bytes: Vec<u8>,
+    /// Line ending of JSON.
+    is_line: bool,
+    sent: u64,
+}
+
+/// Medium with the frames that arrive on it.
+struct Incoming {
+    medium: Box<dyn Medium>,
+    receiver: Receiver,
+    /// Place in the port file of each frame of the receiver.
+    frames: Vec<usize>,
+}
+
+/// Error of a medium.
+#[derive(Debug, thiserror::Error)]
+#[error("medium `{name}` ({place}): {error}")]
+pub struct WireError {
+    name: String,
+    place: String,
+    error: io::Error,
+}
+
+/// Opened port.
+pub struct Wire {
+    port: Port,
+    outgoing: Vec<Outgoing>,
+    media: Vec<Incoming>,
+    row: Row,
+    /// For each frame, its divider in steps.
+    dividers: Vec<u64>,
+    /// For each frame, `true` if it arrived since the last [`send`](Self::send).
+    has_arrived: Vec<bool>,
+    unasked: Vec<u64>,
+    printed: Vec<(Option<usize>, Discriminant<Refusal>)>,
+    buffer: Vec<u8>,
+}
+
+/// Returns the number of steps of a period.
+///
+/// # Errors
+/// If it is no whole number of them.
+pub fn steps(frame: &PortFrame, period_s: f64) -> Result<u64, String> {
+    let seconds = match frame.period {
+        Period::Steps(steps) => return Ok(steps),
+        Period::Seconds(seconds) => seconds,
+    };
+    let steps = seconds / period_s;
+    let nearest = steps.round().max(1.0);
+    if (steps - nearest).abs() > 1e-6 * nearest {
+        let (name, nearest_s) = (&frame.frame.name, nearest * period_s);
+        return Err(format!(
+            "frame `{name}` has a period of {seconds} s, which is {steps} steps; the nearest whole number is {nearest_s} s"
+        ));
+    }
+    Ok(nearest as u64)
+}
+
+/// Returns the largest age in steps of an accepted value.
+fn age_limit(stale_s: f64, period_s: f64) -> u32 {
+    let steps = (stale_s / period_s * (1.0 + 1e-9)).floor();
+    // A conversion from a float saturates.
+    steps as u32
+}
+
+/// Checks a port as a side of a run, without opening anything.
+///
+/// # Errors
+/// If the period of a frame is no whole number of steps, or a frame has no medium.
+pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
+    for frame in &port.frames {
+        steps(frame, period_s)?;
+        if frame.medium.is_none() {
+            let name = &frame.frame.name;
+            return Err(format!(
+                "frame `{name}` has no medium; the far end of a port is reached by one"
+            ));
+        }
+    }
+    Ok(())
+}
+
+impl Wire {
+    /// Opens the media of a port. A side sends the frames that carry one direction and receives the others.
+    ///
+    /// # Errors
+    /// If a medium cannot be opened, or frames cannot be told apart on it.
+    pub fn open(port: &Port, sends: Carries, period_s: f64) -> Result<Self, String> {
+        let receives = match sends {
+            Carries::Sample => Carries::Command,
+            Carries::Command => Carries::Sample,
+        };
+        let (out_table, in_table) = (port.table(sends), port.table(receives));
+        let mut row = Row::new(in_table.len());
+        let mut outgoing = Vec::new();
+        let mut of_medium: Vec<Vec<usize>> = vec![Vec::new(); port.media.len()];
+        let mut dividers = Vec::new();
+        for (index, one) in port.frames.iter().enumerate() {
+            let divider = steps(one, period_s)?;
+            dividers.push(divider);
+            let medium = one.medium.ok_or("a frame has no medium")?;
+            if one.carries == sends {
+                let packer = Packer::new(&one.frame, &out_table).map_err(|e| e.to_string())?;
+                outgoing.push(Outgoing {
+                    frame: index,
+                    medium,
+                    id: one.frame.id,
+                    packer,
+                    divider,
+                    bytes: Vec::with_capacity(LONGEST),
+                    is_line: matches!(one.frame.body, hil_codec::frame::Body::Json(_)),
+                    sent: 0,
+                });
+            } else {
+                of_medium[medium].push(index);
+            }
+        }
+        let mut media = Vec::new();
+        for (medium, frames) in port.media.iter().zip(of_medium) {
+            let wanted = || frames.iter().map(|index| &port.frames[*index].frame);
+            let place = medium::place(&medium.kind);
+            let named = |error: &dyn std::fmt::Display| {
+                format!("medium `{}` ({place}): {error}", medium.name)
+            };
+            let cut = Cut::of(wanted()).map_err(|error| named(&error))?;
+            let bound: Vec<Frame> = wanted().cloned().collect();
+            let receiver = Receiver::new(&bound, &in_table).map_err(|error| named(&error))?;
+            for (place, index) in frames.iter().enumerate() {
+                if let Some(stale_s) = port.frames[*index].stale_s {
+                    for column in receiver.columns(place) {
+                        row.limit_age(*column, age_limit(stale_s, period_s));
+                    }
+                }
+            }
+            media.push(Incoming {
+                medium: medium::open(medium, cut).map_err(|error| named(&error))?,
+                receiver,
+                frames,
+            });
+        }
+        Ok(Self {
+            outgoing,
+            media,
+            row,
+            dividers,
+            has_arrived: vec![false; port.frames.len()],
+            unasked: vec![0; port.frames.len()],
+            printed: Vec::new(),
+            buffer: vec![0; LONGEST + 1],
+            port: port.clone(),
+        })
+    }
+
+    /// Returns the received row.
+    #[must_use]
+    pub const fn row(&self) -> &Row {
+        &self.row
+    }
+
+    /// Sends the frames that are due at a step, and begins the step of the received row. What arrived before is
+    /// accepted, and counted as unasked.
+    ///
+    /// # Errors
+    /// If a medium is gone.
+    pub fn send(
+        &mut self,
+        step: u64,
+        values: &[f64],
+        invalid: &SignalSet,
+    ) -> Result<(), WireError> {
+        self.row.advance();
+        self.receive()?;
+        for (unasked, has_arrived) in self.unasked.iter_mut().zip(&mut self.has_arrived) {
+            *unasked += u64::from(take(has_arrived));
+        }
+        for one in &mut self.outgoing {
+            if !step.is_multiple_of(one.divider) {
+                continue;
+            }
+            one.bytes.clear();
+            (one.bytes).extend_from_slice(one.packer.pack(values, invalid));
+            if one.is_line {
+                one.bytes.push(b'\n');
+            }
+            one.sent += 1;
+            let result = self.media[one.medium].medium.send(one.id, &one.bytes);
+            result.map_err(|error| gone(&self.port, one.medium, error))?;
+        }
+        Ok(())
+    }
+
+    /// Sends the frames of a step again on media where the last one reached nobody: a peer may start later than the
+    /// port, or start again.
+    ///
+    /// # Errors
+    /// If a medium is gone.
+    pub fn send_again(&mut self, step: u64) -> Result<(), WireError> {
+        for (index, incoming) in self.media.iter_mut().enumerate() {
+            if !incoming.medium.has_reached_nobody() {
+                continue;
+            }
+            let due = |one: &&Outgoing| one.medium == index && step.is_multiple_of(one.divider);
+            for one in self.outgoing.iter().filter(due) {
+                let result = incoming.medium.send(one.id, &one.bytes);
+                result.map_err(|error| gone(&self.port, index, error))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Receives all frames that have arrived.
+    ///
+    /// # Errors
+    /// If a medium is gone.
+    pub fn receive(&mut self) -> Result<(), WireError> {
+        for (index, incoming) in self.media.iter_mut().enumerate() {
+            for _ in 0..MOST_AT_ONCE {
+                let result = incoming.medium.receive(&mut self.buffer);
+                let Some(arrival) = result.map_err(|error| gone(&self.port, index, error))? else {
+                    break;
+                };
+                let bytes = &self.buffer[..arrival.length];
+                let (place, result) = (incoming.receiver).receive(arrival.id, bytes, &mut self.row);
+                let frame = place.map(|place| incoming.frames[place]);
+                match (result, frame) {
+                    (Ok(()), Some(frame)) => self.has_arrived[frame] = true,
+                    (Err(refusal), frame) => {
+                        let key = (frame, discriminant(&refusal));
+                        if self.printed.len() < MOST_PRINTED && !self.printed.contains(&key) {
+                            self.printed.push(key);
+                            let of = frame.or(incoming.frames.first().copied());
+                            report(&self.port, index, of, &refusal, bytes);
+                        }
+                    }
+                    (Ok(()), None) => {}
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the first frame that is due at a step and has not arrived since [`send`](Self::send).
+    #[must_use]
+    pub fn awaited(&self, step: u64) -> Option<usize> {
+        let frames = self.media.iter().flat_map(|incoming| &incoming.frames);
+        let mut due = frames.filter(|frame| {
+            step.is_multiple_of(self.dividers[**frame]) && !self.has_arrived[**frame]
+        });
+        due.next().copied()
+    }
+
+    /// Returns the name of a frame.
+    #[must_use]
+    pub fn name(&self, frame: usize) -> &str {
+        &self.port.frames[frame].frame.name
+    }
+
+    /// Waits until something can be received or a time is reached.
+    ///
+    /// # Errors
+    /// If the system cannot wait.
+    pub fn wait(&self, until: Instant) -> io::Result<()> {
+        let left = until.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return Ok(());
+        }
+        let receives = self.media.iter().filter(|medium| !medium.frames.is_empty());
+        let fds: Vec<Option<BorrowedFd<'_>>> = receives
+            .map(|incoming| incoming.medium.readable())
+            .collect();
+        let limit = match fds.iter().all(Option::is_some) {
+            true => left,
+            false => left.min(LOOK),
+        };
+        let mut fds: Vec<PollFd<'_>> = { fds.iter().flatten() }
+            .map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN))
+            .collect();
+        let limit = Timespec {
+            tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
+            tv_nsec: limit.subsec_nanos().into(),
+        };
+        match poll(&mut fds, Some(&limit)) {
+            Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Returns the counts so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        let named = |one: &PortFrame| FrameCounts {
+            name: one.frame.name.clone(),
+            ..FrameCounts::default()
+        };
+        let mut counts = Counts {
+            frames: self.port.frames.iter().map(named).collect(),
+            media: Vec::new(),
+        };
+        for one in &self.outgoing {
+            let count = &mut counts.frames[one.frame];
+            count.sent = one.sent;
+            count.saturated = one.packer.saturated().iter().sum();
+        }
+        for (medium, incoming) in self.port.media.iter().zip(&self.media) {
+            for (place, frame) in incoming.frames.iter().enumerate() {
+                let (count, received) =
+                    (&mut counts.frames[*frame], incoming.receiver.counts(place));
+                count.accepted = received.accepted;
+                count.repeated = received.repeated;
+                count.refused = received.refused;
+                count.lost = received.lost;
+                count.refused_fields = received.refused_fields;
+                count.unasked = self.unasked[*frame];
+            }
+            let of_medium = incoming.medium.counts();
+            counts.media.push(MediumReport {
+                name: medium.name.clone(),
+                foreign: incoming.receiver.foreign(),
+                strangers: of_medium.strangers,
+                new_peers: of_medium.new_peers,
+                skipped_bytes: of_medium.skipped_bytes,
+                unsent: of_medium.unsent,
+            });
+        }
+        counts
+    }
+
+    /// Returns the media as a text for messages.
+    #[must_use]
+    pub fn places(&self) -> String {
+        let places: Vec<String> = { self.port.media.iter() }
+            .map(|medium| medium::place(&medium.kind))
+            .collect();
+        places.join("; ")
+    }
+}
+
+fn gone(port: &Port, medium: usize, error: io::Error) -> WireError {
+    let medium = &port.media[medium];
+    WireError {
+        name: medium.name.clone(),
+        place: medium::place(&medium.kind),
+        error,
+    }
+}
+
+/// Prints a refusal with the bytes of the frame.
+fn report(port: &Port, medium: usize, frame: Option<usize>, refusal: &Refusal, bytes: &[u8]) {
+    let why = match frame {
+        Some(frame) => refusal.describe(&port.frames[frame].frame),
+        None => "no frame is received on this medium".into(),
+    };
+    let shown = &bytes[..bytes.len().min(MOST_BYTES)];
+    let hex: Vec<String> = shown.iter().map(|byte| format!("{byte:02x}")).collect();
+    let rest = match bytes.len() > shown.len() {
+        true => " ..",
+        false => "",
+    };
+    hil_session::program::say(&format!(
+        "medium `{}`: refused: {why}; bytes: {}{rest} (further ones of this kind are counted only)",
+        port.media[medium].name,
+        hex.join(" ")
+    ));
+}
