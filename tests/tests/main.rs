@@ -149,6 +149,7 @@ mod playback;
 mod plots;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
+mod quad;
 mod realtime_settings;
 mod recording;
 mod recover;
