@@ -2,7 +2,8 @@
 """Starts Betaflight's simulator build (SITL) with the settings that the example needs.
 
 BETAFLIGHT_SITL is the path of the program, which get-betaflight.sh builds. The first start saves the
-settings by the command line of Betaflight; later starts reuse them. This process then becomes the SITL.
+settings by the command line of Betaflight; later starts reuse them. This process then becomes the SITL,
+and a child of it prints `ready` when the SITL answers states.
 """
 
 import hashlib
@@ -26,42 +27,47 @@ SETTINGS = [
     "set gyro_hardware_lpf = NORMAL",
     "set pid_process_denom = 1",
 ]
-COMMAND_LINE = ("127.0.0.1", 5761)
+SERIAL_LINE = ("127.0.0.1", 5761)
 STATE = ("127.0.0.1", 9003)
 LIMIT_S = 60.0
 
 
-class CommandLine:
-    """Betaflight's command line, which answers only while states arrive."""
+class Sitl:
+    """A running SITL, whose first serial line is a TCP port."""
 
-    def __init__(self, sitl):
-        self.sitl, self.begin = sitl, time.monotonic()
+    def __init__(self, has_ended):
+        """Waits until the SITL has started; `has_ended` returns a true value if it runs no more."""
+        self.has_ended, self.begin = has_ended, time.monotonic()
         self.states = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.line = None
         while self.line is None:
             self.check()
             try:
-                self.line = socket.create_connection(COMMAND_LINE, timeout=1)
+                self.line = socket.create_connection(SERIAL_LINE, timeout=1)
             except OSError:
                 time.sleep(0.02)
-        # Without a newline, which would cancel it.
-        self.ask(b"#", b"# ")
 
     def check(self):
-        if self.sitl.poll() is not None:
-            sys.exit(f"the SITL ended with code {self.sitl.returncode} before its settings were saved")
+        if self.has_ended():
+            sys.exit("the SITL ended before it was ready")
         if time.monotonic() - self.begin > LIMIT_S:
-            sys.exit(f"the SITL took longer than {LIMIT_S:.0f} s to save its settings")
+            sys.exit(f"the SITL took longer than {LIMIT_S:.0f} s to be ready")
+
+    def send_state(self, time_s):
+        """Sends the state of a frame at rest on the ground."""
+        state = struct.pack("<18d", time_s, 0, 0, 0, 0, 0, -9.80665, 1, *[0] * 9, 101325)
+        self.states.sendto(state, STATE)
 
     def ask(self, text, end):
-        """Sends a text and returns the answer up to `end`, or up to the end of the connection."""
+        """Returns the answer of the command line up to `end`, or up to the end of the connection.
+
+        The command line answers only while states arrive.
+        """
         self.line.sendall(text)
         answer = b""
         while end not in answer:
             self.check()
-            time_s = time.monotonic() - self.begin
-            state = struct.pack("<18d", time_s, 0, 0, 0, 0, 0, -9.80665, 1, *[0] * 9, 101325)
-            self.states.sendto(state, STATE)
+            self.send_state(time.monotonic() - self.begin)
             if select.select([self.line], [], [], 0.001)[0]:
                 part = self.line.recv(4096)
                 if not part:
@@ -75,7 +81,9 @@ def save_settings(program, folder):
     with open(folder / "settings.log", "wb") as log:
         sitl = subprocess.Popen([program], cwd=folder, stdout=log, stderr=log)
         try:
-            line = CommandLine(sitl)
+            line = Sitl(lambda: sitl.poll() is not None)
+            # Without a newline, which would cancel it.
+            line.ask(b"#", b"# ")
             for setting in SETTINGS:
                 answer = line.ask(setting.encode() + b"\n", b"\n# ")
                 if b"ERROR" in answer or b"INVALID" in answer:
@@ -85,6 +93,24 @@ def save_settings(program, folder):
         finally:
             sitl.kill()
             sitl.wait()
+
+
+def announce(process):
+    """Prints `ready` when the main loop of the SITL of a process ID runs and its clock will not stand still.
+
+    A state that arrives while the SITL is still starting may stop its control loop for good. MSP_ATTITUDE is
+    answered by the main loop. The clock is stretched to the time between two states, and before the first
+    that is the time since the machine was started; two states of one time do not stretch it.
+    """
+    sitl = Sitl(lambda: os.getppid() != process)
+    sitl.line.settimeout(LIMIT_S)
+    sitl.line.sendall(b"$M<\x00\x6c\x6c")
+    if not sitl.line.recv(64).startswith(b"$M>"):
+        sys.exit("the SITL does not answer on its serial line")
+    for _ in range(2):
+        sitl.send_state(0.0)
+        time.sleep(0.05)
+    print("ready", flush=True)
 
 
 def main():
@@ -111,6 +137,10 @@ def main():
         finally:
             shutil.rmtree(part, ignore_errors=True)
     os.chdir(folder)
+    process = os.getpid()
+    if os.fork() == 0:
+        announce(process)
+        return
     os.execv(program, [program])
 
 

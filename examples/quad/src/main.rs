@@ -88,11 +88,11 @@ table! {
         /// Rate about the down axis.
         rate_z_radps: "rad/s",
         /// Specific force along the forward axis.
-        force_x_mps2: "m/s^2",
+        force_x_mps2: "m/s2",
         /// Specific force along the right axis.
-        force_y_mps2: "m/s^2",
+        force_y_mps2: "m/s2",
         /// Specific force along the down axis, -g at rest.
-        force_z_mps2: "m/s^2",
+        force_z_mps2: "m/s2",
         /// Scalar part of the quaternion that turns body axes into earth axes.
         attitude_q0: "1",
         /// Forward part of the quaternion.
