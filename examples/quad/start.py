@@ -2,10 +2,11 @@
 """Starts Betaflight's simulator build (SITL) with the settings that the example needs.
 
 BETAFLIGHT_SITL is the path of the program, which get-betaflight.sh builds. The first start saves the
-settings by the command line of Betaflight; later starts reuse them. This process then becomes the SITL,
-and a child of it prints `ready` when the SITL answers states.
+settings by the command line of Betaflight; later starts reuse them. Prints `ready` when the SITL answers
+states, and ends with it.
 """
 
+import ctypes
 import hashlib
 import os
 import pathlib
@@ -29,6 +30,8 @@ SETTINGS = [
 ]
 SERIAL_LINE = ("127.0.0.1", 5761)
 STATE = ("127.0.0.1", 9003)
+MOTORS = ("127.0.0.1", 9002)
+ATTEMPTS = 5
 LIMIT_S = 60.0
 
 
@@ -95,22 +98,47 @@ def save_settings(program, folder):
             sitl.wait()
 
 
-def announce(process):
-    """Prints `ready` when the main loop of the SITL of a process ID runs and its clock will not stand still.
+def is_ready(process):
+    """Returns `True` if a SITL answers states; some starts on a busy machine never do.
 
-    A state that arrives while the SITL is still starting may stop its control loop for good. MSP_ATTITUDE is
-    answered by the main loop. The clock is stretched to the time between two states, and before the first
-    that is the time since the machine was started; two states of one time do not stretch it.
+    MSP_ATTITUDE is answered by the main loop, which runs from then on. The clock is stretched to the time
+    between two states, and before the first that is the time since the machine was started, so that it would
+    stand still; states of one time do not stretch it.
     """
-    sitl = Sitl(lambda: os.getppid() != process)
+    sitl = Sitl(lambda: process.poll() is not None)
     sitl.line.settimeout(LIMIT_S)
     sitl.line.sendall(b"$M<\x00\x6c\x6c")
     if not sitl.line.recv(64).startswith(b"$M>"):
-        sys.exit("the SITL does not answer on its serial line")
-    for _ in range(2):
-        sitl.send_state(0.0)
-        time.sleep(0.05)
-    print("ready", flush=True)
+        return False
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as motors:
+        motors.bind(MOTORS)
+        motors.settimeout(1)
+        try:
+            for _ in range(10):
+                sitl.send_state(0.0)
+                motors.recv(64)
+        except TimeoutError:
+            return False
+    return True
+
+
+def end_with_parent():
+    """Lets the kernel end this process with its parent, however that ends (PR_SET_PDEATHSIG)."""
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)
+
+
+def fly(program):
+    """Runs the SITL, again if it does not answer, and returns its exit code."""
+    for _ in range(ATTEMPTS):
+        with subprocess.Popen([program], preexec_fn=end_with_parent) as sitl:
+            try:
+                if is_ready(sitl):
+                    print("ready", flush=True)
+                    return sitl.wait()
+                print("the SITL does not answer and is started again", file=sys.stderr)
+            finally:
+                sitl.kill()
+    return f"the SITL did not answer in {ATTEMPTS} starts"
 
 
 def main():
@@ -123,8 +151,8 @@ def main():
     cache = os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache"
     cache = pathlib.Path(cache, "hil-quad")
     folder = cache / identity.hexdigest()[:16]
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     if not folder.exists():
-        signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
         cache.mkdir(parents=True, exist_ok=True)
         part = pathlib.Path(tempfile.mkdtemp(dir=cache))
         try:
@@ -137,11 +165,7 @@ def main():
         finally:
             shutil.rmtree(part, ignore_errors=True)
     os.chdir(folder)
-    process = os.getpid()
-    if os.fork() == 0:
-        announce(process)
-        return
-    os.execv(program, [program])
+    sys.exit(fly(program))
 
 
 if __name__ == "__main__":
