@@ -10,6 +10,7 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::layout::SignalKind;
 use shared_types::quality::{Quality, SignalSet};
+use shared_types::table::Field;
 
 use crate::peer::Peer;
 use crate::wire::{Counts, Wire};
@@ -55,7 +56,13 @@ pub fn law(
 /// Builds the tables of a port as a law.
 #[must_use]
 pub fn description(port: &Port) -> LawDescription {
-    let sample = port.table(Carries::Sample);
+    let rows = |carries: Carries, kind: SignalKind| -> Vec<Field> {
+        let mut rows = port.table(carries).fields(kind);
+        for row in &mut rows {
+            row.description = format!("On the wire of port {}.", port.name);
+        }
+        rows
+    };
     LawDescription {
         name: port.name.clone(),
         summary: match port.description.as_str() {
@@ -65,9 +72,9 @@ pub fn description(port: &Port) -> LawDescription {
         plants: Vec::new(),
         parameters: Vec::new(),
         model: Vec::new(),
-        measured: sample.fields(SignalKind::Measured),
-        reference: sample.fields(SignalKind::Reference),
-        commands: Some(port.table(Carries::Command).fields(SignalKind::Command)),
+        measured: rows(Carries::Sample, SignalKind::Measured),
+        reference: rows(Carries::Sample, SignalKind::Reference),
+        commands: Some(rows(Carries::Command, SignalKind::Command)),
         internals: Vec::new(),
         saves: false,
         tuning: String::new(),

@@ -16,6 +16,8 @@ use super::{Arrival, Medium, MediumCounts};
 
 /// Silence of the peer after which another sender may take its place.
 const SILENCE: Duration = Duration::from_secs(1);
+/// Most datagrams of others that are read before one of the peer. More are read on at the next step.
+const MOST_STRANGERS: usize = 256;
 
 /// UDP socket.
 ///
@@ -97,15 +99,12 @@ impl Medium for Udp {
     }
 
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
-        loop {
+        for _ in 0..MOST_STRANGERS {
             match self.socket.recv_from(buffer) {
                 Ok((length, from)) if self.admits(from) => {
                     return Ok(Some(Arrival { length, id: None }));
                 }
-                Ok(_) => {
-                    self.counts.strangers += 1;
-                    return Ok(None);
-                }
+                Ok(_) => self.counts.strangers += 1,
                 // The answer to an earlier datagram: nobody listens there.
                 Err(error) if is_absence(&error) => {
                     self.counts.unsent += 1;
@@ -114,6 +113,7 @@ impl Medium for Udp {
                 Err(error) => return nothing(error),
             }
         }
+        Ok(None)
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
@@ -229,5 +229,31 @@ pub(super) fn nothing<T>(error: io::Error) -> io::Result<Option<T>> {
     match error.kind() {
         ErrorKind::WouldBlock | ErrorKind::Interrupted => Ok(None),
         _ => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_of_the_peer_is_found_behind_those_of_another_sender() {
+        let peer = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+        let other = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+        let mut udp = Udp::open(peer.local_addr().ok(), None).expect("a socket");
+        let own = udp.socket.local_addr().expect("an address").port();
+        let to = SocketAddr::from((Ipv4Addr::LOCALHOST, own));
+        let mut buffer = [0; 8];
+        peer.send_to(b"first", to).expect("sent");
+        let arrival = udp.receive(&mut buffer).expect("received");
+        assert_eq!(arrival.map(|one| one.length), Some(5));
+        for _ in 0..3 {
+            other.send_to(b"other", to).expect("sent");
+        }
+        peer.send_to(b"next", to).expect("sent");
+        let arrival = udp.receive(&mut buffer).expect("received");
+        assert_eq!(arrival.map(|one| one.length), Some(4));
+        assert_eq!(&buffer[..4], b"next");
+        assert_eq!(udp.counts().strangers, 3);
     }
 }

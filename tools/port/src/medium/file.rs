@@ -67,3 +67,22 @@ impl Medium for File {
         MediumCounts::default()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shorter_frame_leaves_no_end_of_the_longer_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("duty cycle");
+        std::fs::write(&path, "1000").expect("written");
+        let mut file = super::File::open(path.to_str().expect("text")).expect("opened");
+        file.send(None, b"25\n").expect("sent");
+        assert_eq!(std::fs::read(&path).expect("read"), b"25\n");
+        let mut buffer = [0; 8];
+        let arrival = file.receive(&mut buffer).expect("received");
+        assert_eq!(arrival.map(|one| one.length), Some(2));
+        assert_eq!(file.receive(&mut buffer).expect("received"), None);
+    }
+}
