@@ -3,6 +3,7 @@
 //! Read by `hil describe`, by ports and by the bus in simulation. Media are data here and never opened; the frames are
 //! those of [`hil_codec`], whose packers and receivers carry them out.
 
+pub mod counts;
 mod dbc;
 mod fields;
 mod frames;

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use controller_process::controller::{Answer, Law, LawKind, Row, SetupRows};
+use hil_config::port::counts::Counts;
 use hil_config::port::{Carries, Exchange, Port};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
@@ -13,7 +14,7 @@ use shared_types::quality::{Quality, SignalSet};
 use shared_types::table::Field;
 
 use crate::peer::Peer;
-use crate::wire::{Counts, Wire};
+use crate::wire::Wire;
 
 /// Part of the wait limit that a peer may use, so that the port names it before the plant gives up.
 const SHARE: f64 = 0.8;
@@ -109,8 +110,16 @@ impl PortLaw {
         let limit = Duration::from_secs_f64(limit_s);
         let open = match run {
             Some(run) => {
-                let wire = Wire::open(port, Carries::Sample, period_s).map_err(Invalid)?;
-                let peer = Peer::start(&port.start, &run.folder, limit).map_err(Invalid)?;
+                let wire = || Wire::open(port, Carries::Sample, period_s).map_err(Invalid);
+                let peer = || Peer::start(&port.start, &run.folder, limit).map_err(Invalid);
+                // A peer that says when it is ready may use the addresses of the port until then.
+                let (wire, peer) = match port.start.ready {
+                    Some(_) => {
+                        let peer = peer()?;
+                        (wire()?, peer)
+                    }
+                    None => (wire()?, peer()?),
+                };
                 Some(Open { wire, peer })
             }
             None => None,

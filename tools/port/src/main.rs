@@ -8,8 +8,9 @@ use std::sync::{Arc, OnceLock, PoisonError};
 
 use controller_process::job::{JOB_FILE, Job};
 use hil_config::port::Port;
+use hil_config::port::counts::COUNTS_FILE;
 use hil_port::law::{self, Ledger, Run};
-use hil_port::wire::{self, COUNTS_FILE};
+use hil_port::wire;
 use hil_session::program::{self, CHECKED, Program, UNUSABLE};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;

@@ -28,9 +28,9 @@ pub struct Arrival {
     pub id: Option<CanId>,
 }
 
-/// Counts of a medium that concern no frame of the port.
+/// Counts of a medium that concern no frame of the port; each is described in [`hil_config::port::counts`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct MediumCounts {
+pub struct Tally {
     /// Frames from a sender other than the peer.
     pub strangers: u64,
     /// Times that another sender became the peer after the earlier one was silent.
@@ -62,7 +62,7 @@ pub trait Medium: Send {
     fn readable(&self) -> Option<BorrowedFd<'_>>;
 
     /// Returns the counts so far.
-    fn counts(&self) -> MediumCounts;
+    fn counts(&self) -> Tally;
 }
 
 /// Opens a medium. `cut` says where frames end on it, if it is a stream of bytes.

@@ -9,15 +9,12 @@ use hil_codec::frame::{CanId, Frame};
 use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
 use hil_codec::row::{Refusal, Row};
+use hil_config::port::counts::{Counts, FrameCounts, MediumCounts};
 use hil_config::port::{Carries, Period, Port, PortFrame};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use serde::Serialize;
 use shared_types::quality::SignalSet;
 
 use crate::medium::{self, Cut, LONGEST, Medium};
-
-/// Name of the file in the session's folder with the counts of a port.
-pub const COUNTS_FILE: &str = "port.json";
 
 /// Most frames that are read in one step from one medium. A peer that sends more is read on at the next step; the
 /// kernel drops what does not fit its buffer.
@@ -28,55 +25,6 @@ const LOOK: Duration = Duration::from_micros(200);
 const MOST_PRINTED: usize = 20;
 /// Most bytes of a refused frame that are printed.
 const MOST_BYTES: usize = 64;
-
-/// Counts of a port at the end of a run.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct Counts {
-    /// Frames, in the order of the port file.
-    pub frames: Vec<FrameCounts>,
-    /// Media, in the order of the port file.
-    pub media: Vec<MediumReport>,
-}
-
-/// Counts of one frame.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct FrameCounts {
-    /// Name.
-    pub name: String,
-    /// Times it was sent.
-    pub sent: u64,
-    /// Values that were sent as the limit of their field.
-    pub saturated: u64,
-    /// Times it arrived and was accepted.
-    pub accepted: u64,
-    /// Times it arrived with the counter of the one before.
-    pub repeated: u64,
-    /// Times it arrived and was refused for another reason.
-    pub refused: u64,
-    /// Times it is missing by its counter.
-    pub lost: u64,
-    /// Fields that were refused in accepted frames.
-    pub refused_fields: u64,
-    /// Times it arrived although no answer was awaited.
-    pub unasked: u64,
-}
-
-/// Counts of one medium.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct MediumReport {
-    /// Name.
-    pub name: String,
-    /// Frames that are none of the port's.
-    pub foreign: u64,
-    /// Frames from a sender other than the peer.
-    pub strangers: u64,
-    /// Times that another sender took the place of the peer.
-    pub new_peers: u64,
-    /// Bytes that belong to no frame.
-    pub skipped_bytes: u64,
-    /// Frames that were not sent because nobody reads them.
-    pub unsent: u64,
-}
 
 /// Frame that is sent.
 struct Outgoing {
@@ -384,6 +332,7 @@ impl Wire {
         let mut counts = Counts {
             frames: self.port.frames.iter().map(named).collect(),
             media: Vec::new(),
+            repeatable: self.port.is_repeatable,
         };
         for one in &self.outgoing {
             let count = &mut counts.frames[one.frame];
@@ -402,7 +351,7 @@ impl Wire {
                 count.unasked = self.unasked[*frame];
             }
             let of_medium = incoming.medium.counts();
-            counts.media.push(MediumReport {
+            counts.media.push(MediumCounts {
                 name: medium.name.clone(),
                 foreign: incoming.receiver.foreign(),
                 strangers: of_medium.strangers,

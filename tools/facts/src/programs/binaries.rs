@@ -334,6 +334,11 @@ impl Binary {
         host.map_or_else(Permissions::default, |host| host.permissions)
     }
 
+    /// Returns `true` if equal runs of the binary give equal records: `false` for a port whose file says otherwise.
+    pub fn is_repeatable(&self) -> bool {
+        self.host.as_ref().is_none_or(|host| host.is_repeatable)
+    }
+
     /// Returns the path if the binary was named.
     pub fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)

@@ -3,6 +3,7 @@
 mod recorded;
 mod table;
 
+use hil_config::port::counts::Counts;
 use std::collections::BTreeMap;
 
 use hil_config::evaluation::MetricValue;
@@ -67,6 +68,9 @@ pub struct Summary {
     /// Counts of each frame of the bus; absent without one.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     bus: Vec<BusCounts>,
+    /// Counts of the port at the far end of which the controller is; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub port: Option<Counts>,
     rate_hz: f64,
     /// Number of recorded steps.
     pub steps: u64,
@@ -319,6 +323,7 @@ impl Summary {
                 .map(|end| end.missed_commands.into()),
             held_commands: recorded.held_commands.clone(),
             bus: end.map(|end| end.bus.clone()).unwrap_or_default(),
+            port: None,
             rate_hz: plan.run.rate.hz(),
             steps,
             sim_time_s,

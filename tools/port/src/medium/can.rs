@@ -7,7 +7,7 @@ use std::os::fd::BorrowedFd;
 use hil_codec::frame::CanId;
 
 use super::datagram::Udp;
-use super::{Arrival, LONGEST, Medium, MediumCounts};
+use super::{Arrival, LONGEST, Medium, Tally};
 
 /// Format version of cannelloni datagrams.
 const VERSION: u8 = 2;
@@ -102,8 +102,8 @@ impl Medium for Cannelloni {
         }
     }
 
-    fn counts(&self) -> MediumCounts {
-        MediumCounts {
+    fn counts(&self) -> Tally {
+        Tally {
             skipped_bytes: self.skipped,
             ..self.udp.counts()
         }

@@ -12,7 +12,7 @@ use hil_codec::frame::CanId;
 use nix::sys::socket::setsockopt;
 use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr};
 
-use super::{Arrival, Medium, MediumCounts};
+use super::{Arrival, Medium, Tally};
 
 /// Silence of the peer after which another sender may take its place.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -34,7 +34,7 @@ pub(crate) struct Udp {
     /// Address of the last accepted frame, and when it came.
     peer: Option<(SocketAddr, Instant)>,
     reached_nobody: bool,
-    counts: MediumCounts,
+    counts: Tally,
 }
 
 impl Udp {
@@ -57,7 +57,7 @@ impl Udp {
             follows: to.is_none(),
             peer: None,
             reached_nobody: false,
-            counts: MediumCounts::default(),
+            counts: Tally::default(),
         })
     }
 
@@ -120,7 +120,7 @@ impl Medium for Udp {
         Some(self.socket.as_fd())
     }
 
-    fn counts(&self) -> MediumCounts {
+    fn counts(&self) -> Tally {
         self.counts
     }
 }
@@ -134,7 +134,7 @@ pub(crate) struct Unix {
     /// Path of a socket that this port made.
     own: PathBuf,
     reached_nobody: bool,
-    counts: MediumCounts,
+    counts: Tally,
 }
 
 impl Unix {
@@ -152,7 +152,7 @@ impl Unix {
             to: (!listens).then(|| path.to_owned()),
             own,
             reached_nobody: false,
-            counts: MediumCounts::default(),
+            counts: Tally::default(),
         })
     }
 }
@@ -192,7 +192,7 @@ impl Medium for Unix {
         Some(self.socket.as_fd())
     }
 
-    fn counts(&self) -> MediumCounts {
+    fn counts(&self) -> Tally {
         self.counts
     }
 }
@@ -213,7 +213,7 @@ fn is_absence(error: &io::Error) -> bool {
 }
 
 /// Counts a frame that a peer does not read, and returns `true` for it.
-fn absent_peer(result: io::Result<usize>, counts: &mut MediumCounts) -> io::Result<bool> {
+fn absent_peer(result: io::Result<usize>, counts: &mut Tally) -> io::Result<bool> {
     match result {
         Ok(_) => Ok(false),
         Err(error) if is_absence(&error) || error.kind() == ErrorKind::WouldBlock => {

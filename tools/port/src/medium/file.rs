@@ -7,7 +7,7 @@ use std::os::unix::fs::FileExt;
 
 use hil_codec::frame::CanId;
 
-use super::{Arrival, Medium, MediumCounts};
+use super::{Arrival, Medium, Tally};
 
 /// File that is read and written from its beginning. Each read is an arrival.
 #[derive(Debug)]
@@ -63,8 +63,8 @@ impl Medium for File {
         None
     }
 
-    fn counts(&self) -> MediumCounts {
-        MediumCounts::default()
+    fn counts(&self) -> Tally {
+        Tally::default()
     }
 }
 

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use hil_codec::frame::{Body, CanId, Content, Frame};
 
 use super::datagram::nothing;
-use super::{Arrival, LONGEST, Medium, MediumCounts};
+use super::{Arrival, LONGEST, Medium, Tally};
 
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
@@ -125,7 +125,7 @@ pub(super) struct Stream {
     tried: Option<Instant>,
     was_connected: bool,
     reached_nobody: bool,
-    counts: MediumCounts,
+    counts: Tally,
 }
 
 impl Stream {
@@ -138,7 +138,7 @@ impl Stream {
             tried: None,
             was_connected: false,
             reached_nobody: false,
-            counts: MediumCounts::default(),
+            counts: Tally::default(),
         }
     }
 
@@ -315,7 +315,7 @@ impl Medium for Stream {
         }
     }
 
-    fn counts(&self) -> MediumCounts {
+    fn counts(&self) -> Tally {
         self.counts
     }
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hil_config::plan::Permissions;
-use hil_config::port::is_port;
+use hil_config::port::{Port, is_port};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_session::private_folder;
@@ -88,6 +88,8 @@ pub struct Host {
     settings_argument: Option<String>,
     /// `true` if the model's library is loaded to list its requirements.
     loads: bool,
+    /// `false` for a port whose far end keeps a clock of its own, so that equal runs differ.
+    pub is_repeatable: bool,
     pub(super) file: FileIdentity,
     side: &'static str,
 }
@@ -119,6 +121,9 @@ impl Host {
             settings: choice.settings.clone(),
             settings_argument: choice.settings.argument(),
             loads: choice.loads,
+            // A file with mistakes is refused by the host.
+            is_repeatable: kind == ModelKind::Fmu
+                || Port::read(&choice.path, None).is_ok_and(|port| port.is_repeatable),
             file,
             side,
         }))
