@@ -19,6 +19,8 @@ use crate::wire::Wire;
 /// Part of the wait limit that a peer may use, so that the port names it before the plant gives up.
 const SHARE: f64 = 0.8;
 
+/// Longest wait, in s, where there is no limit.
+const LONGEST_S: f64 = 1e6;
 /// Time between two attempts to reach a peer that is not there yet.
 const AGAIN: Duration = Duration::from_millis(20);
 
@@ -106,8 +108,11 @@ impl PortLaw {
         period_s: f64,
         ledger: &Ledger,
     ) -> Result<Self, Invalid> {
-        let limit_s = SHARE * run.map_or(1.0, |run| run.wait_limit_s.min(1e6));
-        let limit = Duration::from_secs_f64(limit_s);
+        let limit_s = SHARE * run.map_or(1.0, |run| run.wait_limit_s);
+        let limit = match limit_s < LONGEST_S {
+            true => Duration::from_secs_f64(limit_s),
+            false => Duration::from_secs_f64(LONGEST_S),
+        };
         let open = match run {
             Some(run) => {
                 let wire = || Wire::open(port, Carries::Sample, period_s).map_err(Invalid);

@@ -83,7 +83,10 @@ pub fn steps(frame: &PortFrame, period_s: f64) -> Result<u64, String> {
         Period::Seconds(seconds) => seconds,
     };
     let steps = seconds / period_s;
-    let nearest = steps.round().max(1.0);
+    let nearest = match steps < 1.0 {
+        true => 1.0,
+        false => steps.round(),
+    };
     if (steps - nearest).abs() > 1e-6 * nearest {
         let (name, nearest_s) = (&frame.frame.name, nearest * period_s);
         return Err(format!(
@@ -206,6 +209,7 @@ impl Wire {
         invalid: &SignalSet,
     ) -> Result<(), WireError> {
         self.row.advance();
+        self.has_arrived.fill(false);
         self.receive()?;
         for (unasked, has_arrived) in self.unasked.iter_mut().zip(&mut self.has_arrived) {
             *unasked += u64::from(take(has_arrived));

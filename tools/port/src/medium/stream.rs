@@ -272,7 +272,10 @@ impl Medium for Stream {
                 self.end = None;
                 Ok(())
             }
-            Ok(_) => Ok(self.unsent()),
+            Ok(_) => {
+                self.unsent();
+                Ok(())
+            }
             Err(error) => Err(error),
         }
     }
