@@ -107,7 +107,7 @@ impl Scenario {
         &self.path
     }
 
-    /// Returns the text of its file.
+    /// Returns the text of the scenario's file.
     #[must_use]
     pub fn text(&self) -> &str {
         self.sources.whole(Sources::SCENARIO)

@@ -46,7 +46,7 @@ pub(super) fn of_profile(
 
 /// Signal that a table gives.
 pub(super) struct Signal<'a> {
-    /// Description of the table for messages: `a stimulus`.
+    /// Description of the table for messages, for example `a stimulus`.
     pub what: &'a str,
     /// Name.
     pub name: &'a str,

@@ -192,7 +192,7 @@ impl Points {
         Ok(())
     }
 
-    /// Reads a packed file. A file that is named by a hash must have it.
+    /// Reads a packed file. If the file is named by a hash, its content must match that hash.
     ///
     /// # Errors
     /// If it cannot be read, or is not such a file.

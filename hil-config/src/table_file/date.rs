@@ -31,6 +31,13 @@ impl Date {
             return None;
         }
         let (local, offset_minutes) = split_zone(text)?;
+        // The parser ignores what stands behind the seconds.
+        let (_, behind) = local.split_at_checked(WHOLE_SECONDS)?;
+        let fraction = behind.strip_prefix(['.', ',']).unwrap_or(behind);
+        let has_point = fraction.len() < behind.len();
+        if has_point == fraction.is_empty() || !fraction.bytes().all(|c| c.is_ascii_digit()) {
+            return None;
+        }
         let time = humantime::parse_rfc3339_weak(&local.replacen(',', ".", 1)).ok()?;
         let ns = time.duration_since(UNIX_EPOCH).ok()?.as_nanos();
         let offset_ns = i128::from(offset_minutes.unwrap_or(0)) * 60_000_000_000;

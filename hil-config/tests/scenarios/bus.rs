@@ -153,7 +153,7 @@ fn faulty_keys_of_a_bus_are_refused() {
 #[test]
 fn frames_in_transit_have_a_limit_of_memory() {
     // Lengths tell them apart.
-    let many: String = (3000..3020)
+    let many: String = (3000..3030)
         .map(|k| format!("[[frames]]\nname = \"f{k}\"\ncarries = \"sample\"\nlength = {k}\nfields = [{{ kind = \"constant\", name = \"c\", type = \"u8\", value = 1 }}]\n"))
         .collect();
     let problem = wrong(&with(&format!("{PORT}{many}"), ""));

@@ -28,7 +28,7 @@ pub struct Judgement {
     verdict: RunVerdict,
     /// Outcome of the run, in one word; null if its recording is truncated.
     outcome: Option<Outcome>,
-    /// Reason, if the run did not end by itself; null if unknown.
+    /// Reason why the run ended early; null if it did not, or if the reason is unknown.
     reason: Option<String>,
     records: u64,
     metrics: Vec<Metric>,

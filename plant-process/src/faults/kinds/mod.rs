@@ -6,7 +6,7 @@
 //! 4. [`coupling`] adds shares of other signals;
 //! 5. [`hold`] shows the past: stuck, stuck-at, delay, sample and hold, dropout;
 //! 6. [`lag`] smooths a number: lags of first and second order;
-//! 7. [`drive`] follows as a drive does: rate limit, dead band, backlash;
+//! 7. [`drive`] makes a number follow its target as a drive would: rate limit, dead band, backlash;
 //! 8. [`shape`] distorts a number: quantisation, saturation;
 //! 9. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
 //! 10. [`babble`] floods a network;

@@ -20,7 +20,7 @@ use crate::tree::Root;
 
 /// Time between two deadlines, in ns.
 const PERIOD_NS: u64 = 1_000_000;
-/// Number of discarded wake-ups, which find cold caches.
+/// Number of initial wake-ups that are discarded because the caches are still cold.
 const WARM_UP: u32 = 20;
 /// Number of words that the load writes to: more than a core's own cache holds.
 const LOAD_WORDS: usize = 1 << 19;
