@@ -366,7 +366,8 @@ fn port(
         name,
         description,
         exchange,
-        is_repeatable: is_repeatable?,
+        // Commands that are not awaited depend on the clock.
+        is_repeatable: is_repeatable? && exchange == Exchange::Answers,
         start: start?,
         media: media?,
         frames: frames?,

@@ -120,9 +120,11 @@ fn frames_that_are_refused_are_printed_with_their_bytes_and_counted() {
     let Some(()) = scenario(&rig, ["20", "0.5", "1000000"]) else {
         return;
     };
-    // Before each answer: too short, too long, and NaN.
-    let bad = "for bad in (b'abc', bytes(9), struct.pack('<d', float('nan'))):\n        peer.sendto(bad, sender)\n    peer.sendto(struct.pack";
-    rig.write("peer.py", &PEER.replace("peer.sendto(struct.pack", bad));
+    // Before each answer one frame is too short and one too long; the answer of step 100 is NaN.
+    let bad = "for bad in (b'abc', bytes(9)):\n        peer.sendto(bad, sender)\n    peer.sendto(struct.pack";
+    let peer = PEER.replace("peer.sendto(struct.pack", bad);
+    let nan = "float('nan') if _ == 100 else bias - gain * position_m";
+    rig.write("peer.py", &peer.replace("bias - gain * position_m", nan));
     let run = rig.hil_in(
         &rig.path(""),
         &["run", "wire.toml", "--out", "bad", "--json"],
@@ -130,7 +132,9 @@ fn frames_that_are_refused_are_printed_with_their_bytes_and_counted() {
     let summary = run.expect(0).json();
     let [_, drive] = [0, 1].map(|frame| &summary["port"]["frames"][frame]);
     assert_eq!(drive["refused"], 400);
-    assert_eq!(drive["refused_fields"], 200);
+    assert_eq!(drive["accepted"], 200);
+    assert_eq!(drive["refused_fields"], 1);
+    assert_eq!(summary["held_commands"][0]["steps"], 1);
     let log = std::fs::read_to_string(rig.path("bad").join("controller.log")).expect("a log");
     for part in [
         "frame `drive` has 3 bytes and needs 8; bytes: 61 62 63",

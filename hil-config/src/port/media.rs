@@ -139,6 +139,20 @@ impl MediumKind {
         matches!(self, Self::Can { .. } | Self::Cannelloni { .. })
     }
 
+    /// Returns `true` if bytes arrive without the ends of frames.
+    #[must_use]
+    pub const fn is_stream(&self) -> bool {
+        matches!(
+            self,
+            Self::Tcp { .. }
+                | Self::Serial { .. }
+                | Self::Unix {
+                    is_stream: true,
+                    ..
+                }
+        )
+    }
+
     /// Returns `true` if frames may have the lengths of CAN FD.
     #[must_use]
     pub const fn is_fd(&self) -> bool {

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 use controller_process::controller::{Answer, Law, LawKind, Row, SetupRows};
 use hil_config::port::counts::Counts;
 use hil_config::port::{Carries, Exchange, Port};
+use hil_session::supervision::Supervision;
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::layout::SignalKind;
@@ -31,10 +32,12 @@ pub struct Run {
     pub folder: PathBuf,
     /// Time that the other side of the run may take, in s.
     pub wait_limit_s: f64,
+    /// Requests of the launcher, which may end a wait.
+    pub supervision: Supervision,
 }
 
-/// Place of the counts at the end of a run.
-pub type Ledger = Arc<Mutex<Counts>>;
+/// Place of the counts at the end of a run; empty if the port was not opened.
+pub type Ledger = Arc<Mutex<Option<Counts>>>;
 
 /// Creates the law of a port; the run is set before the law starts.
 ///
@@ -94,6 +97,7 @@ struct PortLaw {
     exchange: Exchange,
     limit: Duration,
     ledger: Ledger,
+    supervision: Supervision,
 }
 
 struct Open {
@@ -115,8 +119,11 @@ impl PortLaw {
         };
         let open = match run {
             Some(run) => {
-                let wire = || Wire::open(port, Carries::Sample, period_s).map_err(Invalid);
-                let peer = || Peer::start(&port.start, &run.folder, limit).map_err(Invalid);
+                let wire =
+                    || Wire::open(port, Carries::Sample, period_s, &run.folder).map_err(Invalid);
+                let peer = || {
+                    Peer::start(&port.start, &run.folder, limit, &run.supervision).map_err(Invalid)
+                };
                 // A peer that says when it is ready may use the addresses of the port until then.
                 let (wire, peer) = match port.start.ready {
                     Some(_) => {
@@ -137,6 +144,7 @@ impl PortLaw {
             exchange: port.exchange,
             limit,
             ledger: Arc::clone(ledger),
+            supervision: run.map_or_else(Supervision::default, |run| run.supervision.clone()),
         })
     }
 
@@ -151,7 +159,11 @@ impl PortLaw {
         wire.send(step, &self.values, &self.invalid)
             .map_err(|error| in_words(&error))?;
         if self.exchange == Exchange::Free {
-            return wire.receive().map_err(|error| in_words(&error));
+            wire.receive().map_err(|error| in_words(&error))?;
+            return match peer.as_mut().and_then(Peer::end) {
+                Some(end) => Err(Failure::lost(end)),
+                None => Ok(()),
+            };
         }
         let mut resent = Instant::now();
         let until = resent + self.limit;
@@ -160,7 +172,18 @@ impl PortLaw {
             let Some(frame) = wire.awaited(step) else {
                 return Ok(());
             };
+            if self.supervision.wants_stop() {
+                let name = wire.name(frame);
+                return Err(Failure::lost(format!(
+                    "stopped while frame `{name}` was awaited"
+                )));
+            }
             if let Some(end) = peer.as_mut().and_then(Peer::end) {
+                // Its last frames may have arrived meanwhile.
+                wire.receive().map_err(|error| in_words(&error))?;
+                if wire.awaited(step).is_none() {
+                    return Ok(());
+                }
                 let name = wire.name(frame);
                 return Err(Failure::lost(format!(
                     "{end}, while frame `{name}` was awaited"
@@ -242,7 +265,7 @@ impl Law for PortLaw {
 impl Drop for PortLaw {
     fn drop(&mut self) {
         if let Some(open) = &self.open {
-            *self.ledger.lock().unwrap_or_else(PoisonError::into_inner) = open.wire.counts();
+            *self.ledger.lock().unwrap_or_else(PoisonError::into_inner) = Some(open.wire.counts());
         }
     }
 }

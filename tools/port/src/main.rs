@@ -97,12 +97,15 @@ impl<P: Program> Program for PortProgram<P> {
         let run = Run {
             folder: self.folder.clone(),
             wait_limit_s: job.wait_limit_s,
+            supervision: supervision.clone(),
         };
         // A program serves one session.
         let _ = self.run.set(run);
         let result = self.inner.serve(session, supervision);
         let counts = self.ledger.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Err(error) = session.write_file(COUNTS_FILE, &*counts) {
+        if let Some(counts) = &*counts
+            && let Err(error) = session.write_file(COUNTS_FILE, counts)
+        {
             program::say(&format!("the counts of the port are lost: {error}"));
         }
         result

@@ -9,6 +9,7 @@ mod stream;
 use std::io;
 use std::net::SocketAddr;
 use std::os::fd::BorrowedFd;
+use std::path::Path;
 
 use hil_codec::frame::CanId;
 use hil_config::port::{self, MediumKind};
@@ -43,11 +44,11 @@ pub struct Tally {
 
 /// Opened medium.
 pub trait Medium: Send {
-    /// Sends the bytes of a frame.
+    /// Sends the bytes of a frame; returns `false` if nobody is there to read them.
     ///
     /// # Errors
-    /// If the medium is gone. A peer that does not listen yet is not an error.
-    fn send(&mut self, id: Option<CanId>, bytes: &[u8]) -> io::Result<()>;
+    /// If the medium is gone.
+    fn send(&mut self, id: Option<CanId>, bytes: &[u8]) -> io::Result<bool>;
 
     /// Returns `true` if a frame since the last call is known to have reached nobody.
     fn has_reached_nobody(&mut self) -> bool;
@@ -58,6 +59,9 @@ pub trait Medium: Send {
     /// If the medium is gone.
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>>;
 
+    /// Gives the last frame back, whose bytes are none of a frame: on a stream the search goes on at its second byte.
+    fn reject(&mut self) {}
+
     /// Returns the descriptor that becomes readable when a frame arrives; `None` for a medium that must be read.
     fn readable(&self) -> Option<BorrowedFd<'_>>;
 
@@ -65,11 +69,12 @@ pub trait Medium: Send {
     fn counts(&self) -> Tally;
 }
 
-/// Opens a medium. `cut` says where frames end on it, if it is a stream of bytes.
+/// Opens a medium, whose paths are relative to a folder. `cut` says where frames end on it, if it is a stream of bytes.
 ///
 /// # Errors
 /// If it does not exist, is in use or belongs to another user.
-pub fn open(medium: &port::Medium, cut: Cut) -> io::Result<Box<dyn Medium>> {
+pub fn open(medium: &port::Medium, cut: Cut, folder: &Path) -> io::Result<Box<dyn Medium>> {
+    let path_of = |path: &str| folder.join(path);
     Ok(match &medium.kind {
         MediumKind::Udp { to, listen } => Box::new(datagram::Udp::open(*to, *listen)?),
         MediumKind::Cannelloni { to, listen, .. } => {
@@ -84,16 +89,18 @@ pub fn open(medium: &port::Medium, cut: Cut) -> io::Result<Box<dyn Medium>> {
             is_stream: true,
             listens,
         } => match listens {
-            true => Box::new(Stream::unix_listener(path, cut)?),
-            false => Box::new(Stream::unix(path, cut)),
+            true => Box::new(Stream::unix_listener(&path_of(path), cut)?),
+            false => Box::new(Stream::unix(path_of(path), cut)),
         },
-        MediumKind::Unix { path, listens, .. } => Box::new(datagram::Unix::open(path, *listens)?),
+        MediumKind::Unix { path, listens, .. } => {
+            Box::new(datagram::Unix::open(&path_of(path), *listens)?)
+        }
         MediumKind::Serial { .. } => Box::new(Stream::serial(serial::open(&medium.kind)?, cut)),
         MediumKind::Can { .. } => {
             let why = "this version opens no CAN interface of the kernel; use a medium `cannelloni` and the program of that name";
             return Err(io::Error::new(io::ErrorKind::Unsupported, why));
         }
-        MediumKind::File { path } => Box::new(file::File::open(path)?),
+        MediumKind::File { path } => Box::new(file::File::open(&path_of(path), cut == Cut::Line)?),
     })
 }
 

@@ -1,6 +1,6 @@
 //! The program at the far end: started, awaited and ended, if the port file says how.
 
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -10,11 +10,14 @@ use std::time::{Duration, Instant};
 use hil_config::port::Start;
 use hil_session::process::{end_group, reap};
 use hil_session::program::say;
+use hil_session::supervision::Supervision;
 
 /// Time between two looks at whether a peer has ended while its ready line is awaited.
 const LOOK: Duration = Duration::from_millis(10);
-/// Most characters of a line that are printed.
-const LONGEST_LINE: usize = 500;
+/// Most bytes of a line that are printed.
+const LONGEST_LINE: u64 = 500;
+/// Most lines that are printed.
+const MOST_LINES: u64 = 10_000;
 
 /// Started program. Its end is that of its process group; `hil` also finds descendants that leave the group.
 #[derive(Debug)]
@@ -28,7 +31,12 @@ impl Peer {
     ///
     /// # Errors
     /// If it cannot be started, ends, or is not ready in time.
-    pub fn start(start: &Start, folder: &Path, limit: Duration) -> Result<Option<Self>, String> {
+    pub fn start(
+        start: &Start,
+        folder: &Path,
+        limit: Duration,
+        supervision: &Supervision,
+    ) -> Result<Option<Self>, String> {
         let Some((program, arguments)) = start.command.split_first() else {
             return Ok(None);
         };
@@ -48,33 +56,39 @@ impl Peer {
             .process_group(0)
             .spawn()
             .map_err(|error| format!("`start` of the port: {}: {error}", path.display()))?;
-        let lines = print_lines(&mut child);
+        let readiness = print_lines(&mut child, start.ready.clone());
         let mut peer = Self {
             child,
             name: program.clone(),
         };
         if let Some(ready) = &start.ready {
-            peer.await_line(&lines, ready, limit)?;
+            peer.await_line(&readiness, ready, (limit, supervision))?;
         }
         Ok(Some(peer))
     }
 
     fn await_line(
         &mut self,
-        lines: &Receiver<String>,
+        readiness: &Receiver<()>,
         ready: &str,
-        limit: Duration,
+        (limit, supervision): (Duration, &Supervision),
     ) -> Result<(), String> {
         let until = Instant::now() + limit;
         loop {
-            match lines.recv_timeout(LOOK) {
-                Ok(line) if line.starts_with(ready) => return Ok(()),
-                Ok(_) => {}
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
+            match readiness.recv_timeout(LOOK) {
+                Ok(()) => return Ok(()),
+                Err(error) => {
+                    // Its output may be closed while it runs.
+                    if error == RecvTimeoutError::Disconnected {
+                        std::thread::sleep(LOOK);
+                    }
                     if let Some(end) = self.end() {
                         return Err(format!("{end}, before it printed `{ready}`"));
                     }
                 }
+            }
+            if supervision.wants_stop() {
+                return Err(format!("stopped before the peer printed `{ready}`"));
             }
             if Instant::now() >= until {
                 let limit_s = limit.as_secs_f64();
@@ -104,18 +118,40 @@ impl Drop for Peer {
     }
 }
 
-/// Prints the lines of a peer, bounded, into the log of the port; the first ones can also be received.
-fn print_lines(child: &mut Child) -> Receiver<String> {
+/// Prints the lines of a peer, bounded, into the log of the port; sends once when one begins with `ready`.
+fn print_lines(child: &mut Child, ready: Option<String>) -> Receiver<()> {
     let (sender, receiver) = channel();
     if let Some(stdout) = child.stdout.take() {
         std::thread::spawn(move || {
-            for line in BufReader::new(stdout).split(b'\n') {
-                let Ok(line) = line else { return };
-                let line = String::from_utf8_lossy(&line);
-                let line: String = line.chars().take(LONGEST_LINE).collect();
-                say(&format!("peer: {}", shared_types::text::line(&line)));
-                // After readiness nobody receives.
-                let _ = sender.send(line);
+            let mut ready = ready;
+            let mut reader = BufReader::new(stdout);
+            let mut line = Vec::new();
+            for number in 0_u64.. {
+                line.clear();
+                let result = (&mut reader)
+                    .take(LONGEST_LINE)
+                    .read_until(b'\n', &mut line);
+                if !matches!(result, Ok(1..)) {
+                    return;
+                }
+                let is_whole = line.ends_with(b"\n");
+                let text = String::from_utf8_lossy(line.trim_ascii_end());
+                if ready
+                    .as_ref()
+                    .is_some_and(|ready| text.starts_with(&**ready))
+                {
+                    ready = None;
+                    // Nobody receives if the wait has ended.
+                    let _ = sender.send(());
+                }
+                match number {
+                    0..MOST_LINES => say(&format!("peer: {}", shared_types::text::line(&text))),
+                    MOST_LINES => say("peer: .. (further lines are not printed)"),
+                    _ => {}
+                }
+                if !is_whole && reader.skip_until(b'\n').is_err() {
+                    return;
+                }
             }
         });
     }

@@ -3,14 +3,15 @@
 use std::io;
 use std::mem::{Discriminant, discriminant, take};
 use std::os::fd::BorrowedFd;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
-use hil_codec::frame::{CanId, Frame};
+use hil_codec::frame::{Body, CanId, Frame};
 use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
 use hil_codec::row::{Refusal, Row};
 use hil_config::port::counts::{Counts, FrameCounts, MediumCounts};
-use hil_config::port::{Carries, Period, Port, PortFrame};
+use hil_config::port::{Carries, Exchange, MediumKind, Period, Port, PortFrame};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::quality::SignalSet;
 
@@ -36,8 +37,6 @@ struct Outgoing {
     divider: u64,
     /// Bytes that were sent last.
     bytes: Vec<u8>,
-    /// Line ending of JSON.
-    is_line: bool,
     sent: u64,
 }
 
@@ -103,6 +102,26 @@ fn age_limit(stale_s: f64, period_s: f64) -> u32 {
     steps as u32
 }
 
+/// Returns the ends of the frames that arrive on a medium.
+fn cut<'a>(kind: &MediumKind, frames: impl Iterator<Item = &'a Frame>) -> Result<Cut, String> {
+    if kind.is_stream() {
+        return Cut::of(frames, matches!(kind, MediumKind::Serial { .. }));
+    }
+    let mut bodies = frames.map(|frame| &frame.body);
+    Ok(match bodies.any(|body| matches!(body, Body::Json(_))) {
+        true => Cut::Line,
+        false => Cut::Lengths(Vec::new()),
+    })
+}
+
+/// Returns `true` if bytes are none of a frame, so that a stream has to be searched again.
+const fn is_no_frame(refusal: &Refusal) -> bool {
+    matches!(
+        refusal,
+        Refusal::Foreign { .. } | Refusal::Constant { .. } | Refusal::Checksum { .. }
+    )
+}
+
 /// Checks a port as a side of a run, without opening anything.
 ///
 /// # Errors
@@ -117,15 +136,34 @@ pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
             ));
         }
     }
+    let of = |carries| port.frames.iter().filter(move |one| one.carries == carries);
+    for (index, medium) in port.media.iter().enumerate() {
+        let received = of(Carries::Command).filter(|one| one.medium == Some(index));
+        cut(&medium.kind, received.map(|one| &one.frame))
+            .map_err(|error| format!("medium `{}`: {error}", medium.name))?;
+    }
+    if port.exchange == Exchange::Free {
+        return Ok(());
+    }
+    for command in of(Carries::Command) {
+        let divider = steps(command, period_s)?;
+        let mut samples = of(Carries::Sample).filter_map(|sample| steps(sample, period_s).ok());
+        if !samples.any(|sample| divider.is_multiple_of(sample)) {
+            let name = &command.frame.name;
+            return Err(format!(
+                "frame `{name}` is awaited at steps at which no sample is sent that it could answer; give it the period of a sample, or use `exchange = \"free\"`"
+            ));
+        }
+    }
     Ok(())
 }
 
 impl Wire {
-    /// Opens the media of a port. A side sends the frames that carry one direction and receives the others.
+    /// Opens the media of a port, whose paths are relative to a folder. A side sends the frames that carry one direction and receives the others.
     ///
     /// # Errors
     /// If a medium cannot be opened, or frames cannot be told apart on it.
-    pub fn open(port: &Port, sends: Carries, period_s: f64) -> Result<Self, String> {
+    pub fn open(port: &Port, sends: Carries, period_s: f64, folder: &Path) -> Result<Self, String> {
         let receives = match sends {
             Carries::Sample => Carries::Command,
             Carries::Command => Carries::Sample,
@@ -148,7 +186,6 @@ impl Wire {
                     packer,
                     divider,
                     bytes: Vec::with_capacity(LONGEST),
-                    is_line: matches!(one.frame.body, hil_codec::frame::Body::Json(_)),
                     sent: 0,
                 });
             } else {
@@ -162,7 +199,7 @@ impl Wire {
             let named = |error: &dyn std::fmt::Display| {
                 format!("medium `{}` ({place}): {error}", medium.name)
             };
-            let cut = Cut::of(wanted()).map_err(|error| named(&error))?;
+            let cut = cut(&medium.kind, wanted()).map_err(|error| named(&error))?;
             let bound: Vec<Frame> = wanted().cloned().collect();
             let receiver = Receiver::new(&bound, &in_table).map_err(|error| named(&error))?;
             for (place, index) in frames.iter().enumerate() {
@@ -173,7 +210,7 @@ impl Wire {
                 }
             }
             media.push(Incoming {
-                medium: medium::open(medium, cut).map_err(|error| named(&error))?,
+                medium: medium::open(medium, cut, folder).map_err(|error| named(&error))?,
                 receiver,
                 frames,
             });
@@ -212,7 +249,7 @@ impl Wire {
         self.has_arrived.fill(false);
         self.receive()?;
         for (unasked, has_arrived) in self.unasked.iter_mut().zip(&mut self.has_arrived) {
-            *unasked += u64::from(take(has_arrived));
+            *unasked += u64::from(take(has_arrived) && self.port.exchange == Exchange::Answers);
         }
         for one in &mut self.outgoing {
             if !step.is_multiple_of(one.divider) {
@@ -220,12 +257,9 @@ impl Wire {
             }
             one.bytes.clear();
             (one.bytes).extend_from_slice(one.packer.pack(values, invalid));
-            if one.is_line {
-                one.bytes.push(b'\n');
-            }
-            one.sent += 1;
             let result = self.media[one.medium].medium.send(one.id, &one.bytes);
-            result.map_err(|error| gone(&self.port, one.medium, error))?;
+            let is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
+            one.sent += u64::from(is_sent);
         }
         Ok(())
     }
@@ -255,6 +289,10 @@ impl Wire {
     /// If a medium is gone.
     pub fn receive(&mut self) -> Result<(), WireError> {
         for (index, incoming) in self.media.iter_mut().enumerate() {
+            let is_file = matches!(self.port.media[index].kind, MediumKind::File { .. });
+            if is_file && incoming.frames.is_empty() {
+                continue;
+            }
             for _ in 0..MOST_AT_ONCE {
                 let result = incoming.medium.receive(&mut self.buffer);
                 let Some(arrival) = result.map_err(|error| gone(&self.port, index, error))? else {
@@ -266,6 +304,9 @@ impl Wire {
                 match (result, frame) {
                     (Ok(()), Some(frame)) => self.has_arrived[frame] = true,
                     (Err(refusal), frame) => {
+                        if is_no_frame(&refusal) {
+                            incoming.medium.reject();
+                        }
                         let key = (frame, discriminant(&refusal));
                         if self.printed.len() < MOST_PRINTED && !self.printed.contains(&key) {
                             self.printed.push(key);

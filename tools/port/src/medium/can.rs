@@ -49,7 +49,7 @@ impl Cannelloni {
 }
 
 impl Medium for Cannelloni {
-    fn send(&mut self, id: Option<CanId>, bytes: &[u8]) -> io::Result<()> {
+    fn send(&mut self, id: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         let mut datagram = Vec::with_capacity(HEADER + 6 + bytes.len());
         datagram.extend([VERSION, DATA, self.sequence, 0, 1]);
         let id = match id {

@@ -3,14 +3,15 @@
 use std::io::{self, ErrorKind};
 use std::mem::take;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
+use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use hil_codec::frame::CanId;
-use nix::sys::socket::setsockopt;
 use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr};
+use nix::sys::socket::{MsgFlags, recv, setsockopt};
 
 use super::{Arrival, Medium, Tally};
 
@@ -21,8 +22,9 @@ const MOST_STRANGERS: usize = 256;
 
 /// UDP socket.
 ///
-/// The peer is the first sender, if there is no address to send to or the sender has the IP address of that one: many
-/// programs answer from another port than they listen at. A sender that is not the peer is counted; after a second
+/// The peer is the sender at the address that frames are sent to. Until that one has sent a frame it is the first sender
+/// with the same IP address, because many programs answer from another port than they listen at; without an address to
+/// send to it is the first sender. A sender that is not the peer is counted; after a second
 /// without a frame of the peer it takes the peer's place, as a restarted program does.
 #[derive(Debug)]
 pub(crate) struct Udp {
@@ -31,6 +33,8 @@ pub(crate) struct Udp {
     to: Option<SocketAddr>,
     /// `true` if that address is the peer's own and follows it.
     follows: bool,
+    /// `true` if the address that frames are sent to has sent one itself, and so is the peer.
+    is_owned: bool,
     /// Address of the last accepted frame, and when it came.
     peer: Option<(SocketAddr, Instant)>,
     reached_nobody: bool,
@@ -55,15 +59,33 @@ impl Udp {
             socket,
             to,
             follows: to.is_none(),
+            is_owned: false,
             peer: None,
             reached_nobody: false,
             counts: Tally::default(),
         })
     }
 
+    /// Empties the queue of errors, which shares the receive buffer and would keep the socket awake.
+    fn forget_errors(&self) {
+        let flags = MsgFlags::MSG_ERRQUEUE | MsgFlags::MSG_DONTWAIT;
+        while recv(self.socket.as_raw_fd(), &mut [0; 1], flags).is_ok() {}
+    }
+
     /// Returns `true` if a frame of this sender is one of the peer.
     fn admits(&mut self, from: SocketAddr) -> bool {
         let now = Instant::now();
+        // The address that frames are sent to is the peer, whoever spoke before.
+        if !self.follows && self.to == Some(from) {
+            let replaces = self.peer.is_some_and(|(peer, _)| peer != from);
+            self.counts.new_peers += u64::from(replaces);
+            self.peer = Some((from, now));
+            self.is_owned = true;
+            return true;
+        }
+        if self.is_owned {
+            return false;
+        }
         let is_elsewhere = self
             .to
             .is_some_and(|to| !self.follows && to.ip() != from.ip());
@@ -85,13 +107,17 @@ impl Udp {
 }
 
 impl Medium for Udp {
-    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<()> {
+    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         let result = match self.to {
             Some(to) => self.socket.send_to(bytes, to),
             None => Err(ErrorKind::NotFound.into()),
         };
-        self.reached_nobody |= absent_peer(result, &mut self.counts)?;
-        Ok(())
+        let is_absent = absent_peer(result, &mut self.counts)?;
+        if is_absent {
+            self.reached_nobody = true;
+            self.forget_errors();
+        }
+        Ok(!is_absent)
     }
 
     fn has_reached_nobody(&mut self) -> bool {
@@ -109,6 +135,7 @@ impl Medium for Udp {
                 Err(error) if is_absence(&error) => {
                     self.counts.unsent += 1;
                     self.reached_nobody = true;
+                    self.forget_errors();
                 }
                 Err(error) => return nothing(error),
             }
@@ -138,13 +165,13 @@ pub(crate) struct Unix {
 }
 
 impl Unix {
-    pub(crate) fn open(path: &str, listens: bool) -> io::Result<Self> {
-        let path = Path::new(path);
+    pub(crate) fn open(path: &Path, listens: bool) -> io::Result<Self> {
         // A peer can only answer a socket that has a path.
         let own = match listens {
             true => path.to_owned(),
             false => PathBuf::from(format!("{}.hil-{}", path.display(), std::process::id())),
         };
+        remove_if_left(&own);
         let socket = UnixDatagram::bind(&own)?;
         socket.set_nonblocking(true)?;
         Ok(Self {
@@ -158,13 +185,14 @@ impl Unix {
 }
 
 impl Medium for Unix {
-    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<()> {
+    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         let result = match &self.to {
             Some(to) => self.socket.send_to(bytes, to),
             None => Err(ErrorKind::NotFound.into()),
         };
-        self.reached_nobody |= absent_peer(result, &mut self.counts)?;
-        Ok(())
+        let is_absent = absent_peer(result, &mut self.counts)?;
+        self.reached_nobody |= is_absent;
+        Ok(!is_absent)
     }
 
     fn has_reached_nobody(&mut self) -> bool {
@@ -204,11 +232,31 @@ impl Drop for Unix {
     }
 }
 
+/// Removes the path of a socket that nobody has open, as a killed port leaves it.
+pub(super) fn remove_if_left(path: &Path) {
+    let is_socket =
+        std::fs::symlink_metadata(path).is_ok_and(|of_path| of_path.file_type().is_socket());
+    // A socket of either type refuses if nobody has it open; else it accepts, or is of the other type.
+    let is_left = || {
+        UnixDatagram::unbound()
+            .and_then(|socket| socket.connect(path))
+            .is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)
+    };
+    if is_socket && is_left() {
+        // Without it `bind` fails, and says so.
+        let _ = std::fs::remove_file(path);
+    }
+}
+
 /// Returns `true` if an error says that nobody listens at the address of an earlier datagram.
 fn is_absence(error: &io::Error) -> bool {
     matches!(
         error.kind(),
-        ErrorKind::ConnectionRefused | ErrorKind::NotFound | ErrorKind::ConnectionReset
+        ErrorKind::ConnectionRefused
+            | ErrorKind::NotFound
+            | ErrorKind::ConnectionReset
+            | ErrorKind::HostUnreachable
+            | ErrorKind::NetworkUnreachable
     )
 }
 

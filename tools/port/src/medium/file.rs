@@ -3,7 +3,8 @@
 use std::fs::{File as Opened, OpenOptions};
 use std::io::{self, ErrorKind};
 use std::os::fd::BorrowedFd;
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, FileTypeExt};
+use std::path::Path;
 
 use hil_codec::frame::CanId;
 
@@ -16,11 +17,21 @@ pub(super) struct File {
     writer: Option<Opened>,
     /// `true` if the file has been read since the last call that returned nothing.
     is_read: bool,
+    /// `true` if frames are lines, whose end is none of a value.
+    is_text: bool,
 }
 
 impl File {
     /// Opens a file for what its owner allows: a converter can only be read, and some outputs only be written.
-    pub(super) fn open(path: &str) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// If it can be neither read nor written, or is a folder or pipe.
+    pub(super) fn open(path: &Path, is_text: bool) -> io::Result<Self> {
+        let kind = std::fs::metadata(path)?.file_type();
+        if kind.is_dir() || kind.is_fifo() || kind.is_socket() {
+            let why = "it is a folder, pipe or socket; this medium is for files that hold a frame";
+            return Err(io::Error::new(ErrorKind::InvalidInput, why));
+        }
         let reader = OpenOptions::new().read(true).open(path);
         let writer = OpenOptions::new().write(true).open(path);
         match (reader, writer) {
@@ -29,20 +40,21 @@ impl File {
                 reader: reader.ok(),
                 writer: writer.ok(),
                 is_read: false,
+                is_text,
             }),
         }
     }
 }
 
 impl Medium for File {
-    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<()> {
+    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         let writer = self.writer.as_ref().ok_or(ErrorKind::PermissionDenied)?;
         writer.write_all_at(bytes, 0)?;
         // An ordinary file would keep the end of a longer frame; a device's has no length.
         if writer.metadata()?.len() > bytes.len() as u64 {
             let _ = writer.set_len(bytes.len() as u64);
         }
-        Ok(())
+        Ok(true)
     }
 
     fn has_reached_nobody(&mut self) -> bool {
@@ -55,7 +67,10 @@ impl Medium for File {
             return Ok(None);
         };
         let length = reader.read_at(buffer, 0)?;
-        let length = buffer[..length].trim_ascii_end().len();
+        let length = match self.is_text {
+            true => buffer[..length].trim_ascii_end().len(),
+            false => length,
+        };
         Ok((length > 0).then_some(Arrival { length, id: None }))
     }
 
@@ -77,7 +92,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("duty cycle");
         std::fs::write(&path, "1000").expect("written");
-        let mut file = super::File::open(path.to_str().expect("text")).expect("opened");
+        let mut file = super::File::open(&path, true).expect("opened");
         file.send(None, b"25\n").expect("sent");
         assert_eq!(std::fs::read(&path).expect("read"), b"25\n");
         let mut buffer = [0; 8];

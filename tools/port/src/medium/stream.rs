@@ -6,16 +6,18 @@ use std::mem::take;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use hil_codec::frame::{Body, CanId, Content, Frame};
 
-use super::datagram::nothing;
+use super::datagram::{nothing, remove_if_left};
 use super::{Arrival, LONGEST, Medium, Tally};
 
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
+/// Most reads of a stream for one frame; a sender that is faster is read on at the next call.
+const MOST_READS: u32 = 16;
 /// Time that one attempt to connect may take.
 const ATTEMPT: Duration = Duration::from_millis(200);
 
@@ -33,7 +35,10 @@ impl Cut {
     ///
     /// # Errors
     /// If they cannot be told apart in a stream.
-    pub fn of<'a>(frames: impl Iterator<Item = &'a Frame>) -> Result<Self, String> {
+    pub fn of<'a>(
+        frames: impl Iterator<Item = &'a Frame>,
+        is_serial: bool,
+    ) -> Result<Self, String> {
         let (mut lines, mut lengths) = (Vec::new(), Vec::new());
         for frame in frames {
             match &frame.body {
@@ -42,7 +47,9 @@ impl Cut {
             }
         }
         match (lines.as_slice(), lengths.as_slice()) {
+            ([], [(_, sync)]) if is_serial && sync.is_empty() => Err("a frame on a serial line must begin with a constant, by which its beginning is found".into()),
             ([], [_] | []) => Ok(Self::Lengths(lengths)),
+            ([], _) if are_ambiguous(&lengths) => Err("two frames of different lengths on a stream begin with the same constant; give each its own".into()),
             ([], _) if lengths.iter().all(|(_, sync)| !sync.is_empty()) => Ok(Self::Lengths(lengths)),
             ([], _) => Err("several frames of bytes on a stream must each begin with a constant, by which they are found".into()),
             (_, []) => Ok(Self::Line),
@@ -54,8 +61,8 @@ impl Cut {
     fn find(&self, bytes: &[u8]) -> (usize, Option<usize>) {
         match self {
             Self::Line => match bytes.iter().position(|byte| *byte == b'\n') {
+                Some(end) if end > LONGEST => (end + 1, None),
                 Some(end) => (0, Some(end + 1)),
-                None if bytes.len() > LONGEST => (bytes.len(), None),
                 None => (0, None),
             },
             Self::Lengths(frames) => {
@@ -73,6 +80,15 @@ impl Cut {
             }
         }
     }
+}
+
+/// Returns `true` if the beginning of a frame does not tell its length.
+fn are_ambiguous(frames: &[(usize, Vec<u8>)]) -> bool {
+    frames.iter().enumerate().any(|(index, (length, sync))| {
+        frames[..index].iter().any(|(other_length, other)| {
+            length != other_length && (sync.starts_with(other) || other.starts_with(sync))
+        })
+    })
 }
 
 /// Returns the constant bytes that a frame begins with.
@@ -120,6 +136,10 @@ pub(super) struct Stream {
     end: Option<End>,
     /// Bytes that have arrived and are not read yet.
     arrived: Vec<u8>,
+    /// Bytes of the last frame that was cut by its length.
+    last: Vec<u8>,
+    /// `true` inside of a line that is too long, up to its end.
+    is_in_long_line: bool,
     cut: Cut,
     /// Time of the last attempt to connect.
     tried: Option<Instant>,
@@ -134,6 +154,8 @@ impl Stream {
             source,
             end,
             arrived: Vec::with_capacity(4 * LONGEST),
+            last: Vec::new(),
+            is_in_long_line: false,
             cut,
             tried: None,
             was_connected: false,
@@ -152,11 +174,12 @@ impl Stream {
         Ok(Self::new(Source::TcpAt(listener), None, cut))
     }
 
-    pub(super) fn unix(path: &str, cut: Cut) -> Self {
-        Self::new(Source::UnixTo(path.into()), None, cut)
+    pub(super) fn unix(path: PathBuf, cut: Cut) -> Self {
+        Self::new(Source::UnixTo(path), None, cut)
     }
 
-    pub(super) fn unix_listener(path: &str, cut: Cut) -> io::Result<Self> {
+    pub(super) fn unix_listener(path: &Path, cut: Cut) -> io::Result<Self> {
+        remove_if_left(path);
         let listener = UnixListener::bind(path)?;
         listener.set_nonblocking(true)?;
         Ok(Self::new(Source::UnixAt(listener, path.into()), None, cut))
@@ -186,6 +209,10 @@ impl Stream {
                 match &end {
                     // A frame must not wait for the next one.
                     End::Tcp(stream) => {
+                        // Without a listener a port of this machine may connect to itself.
+                        if stream.local_addr()? == stream.peer_addr()? {
+                            return Ok(());
+                        }
                         stream.set_nodelay(true)?;
                         stream.set_nonblocking(true)?;
                     }
@@ -201,6 +228,11 @@ impl Stream {
             Err(error) if is_absence(error.kind()) => Ok(()),
             Err(error) => Err(error),
         }
+    }
+
+    fn skip(&mut self, count: usize) {
+        self.counts.skipped_bytes += count as u64;
+        self.arrived.drain(..count);
     }
 
     fn unsent(&mut self) {
@@ -240,20 +272,29 @@ impl Stream {
 
 fn is_absence(kind: ErrorKind) -> bool {
     use ErrorKind::{
-        ConnectionRefused, HostUnreachable, Interrupted, NotFound, TimedOut, WouldBlock,
+        ConnectionAborted, ConnectionRefused, ConnectionReset, HostUnreachable, Interrupted,
+        NetworkUnreachable, NotFound, TimedOut, WouldBlock,
     };
     matches!(
         kind,
-        ConnectionRefused | HostUnreachable | Interrupted | NotFound | TimedOut | WouldBlock
+        ConnectionAborted
+            | ConnectionRefused
+            | ConnectionReset
+            | HostUnreachable
+            | Interrupted
+            | NetworkUnreachable
+            | NotFound
+            | TimedOut
+            | WouldBlock
     )
 }
 
 impl Medium for Stream {
-    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<()> {
+    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         self.connect()?;
         let Some(end) = &mut self.end else {
             self.unsent();
-            return Ok(());
+            return Ok(false);
         };
         let result = match end {
             End::Tcp(stream) => stream.write(bytes),
@@ -261,20 +302,20 @@ impl Medium for Stream {
             End::Line(line) => line.write(bytes),
         };
         match result {
-            Ok(count) if count == bytes.len() => Ok(()),
+            Ok(count) if count == bytes.len() => Ok(true),
             Err(error) if error.kind() == ErrorKind::WouldBlock => {
                 self.unsent();
-                Ok(())
+                Ok(false)
             }
             // Half a frame would spoil the next one, so the peer has to come again.
             Ok(_) | Err(_) if !matches!(self.source, Source::Line) => {
                 self.unsent();
                 self.end = None;
-                Ok(())
+                Ok(false)
             }
             Ok(_) => {
                 self.unsent();
-                Ok(())
+                Ok(false)
             }
             Err(error) => Err(error),
         }
@@ -286,24 +327,49 @@ impl Medium for Stream {
 
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
         self.connect()?;
-        loop {
+        for _ in 0..MOST_READS {
+            let is_line = self.cut == Cut::Line;
+            if is_line && self.is_in_long_line {
+                let end = self.arrived.iter().position(|byte| *byte == b'\n');
+                self.is_in_long_line = end.is_none();
+                self.skip(end.map_or(self.arrived.len(), |end| end + 1));
+            }
             let (skip, length) = self.cut.find(&self.arrived);
-            self.counts.skipped_bytes += skip as u64;
-            self.arrived.drain(..skip);
+            self.skip(skip);
             if let Some(length) = length {
-                let kept = length.min(buffer.len());
+                let kept = if length < buffer.len() {
+                    length
+                } else {
+                    buffer.len()
+                };
                 buffer[..kept].copy_from_slice(&self.arrived[..kept]);
                 self.arrived.drain(..length);
-                let length = match self.cut {
-                    Cut::Line => buffer[..kept].trim_ascii_end().len(),
-                    Cut::Lengths(_) => kept,
+                self.last.clear();
+                if !is_line {
+                    self.last.extend_from_slice(&buffer[..kept]);
+                }
+                let length = match is_line {
+                    true => buffer[..kept].trim_ascii_end().len(),
+                    false => kept,
                 };
                 if length > 0 {
                     return Ok(Some(Arrival { length, id: None }));
                 }
-            } else if !self.read()? {
-                return Ok(None);
+            } else if skip == 0 {
+                if is_line && self.arrived.len() > LONGEST {
+                    self.is_in_long_line = true;
+                } else if !self.read()? {
+                    return Ok(None);
+                }
             }
+        }
+        Ok(None)
+    }
+
+    fn reject(&mut self) {
+        if !self.last.is_empty() {
+            self.arrived.splice(0..0, self.last.drain(..).skip(1));
+            self.counts.skipped_bytes += 1;
         }
     }
 
@@ -345,6 +411,6 @@ mod tests {
         assert_eq!(cut.find(&[0x55, 1, 0x55, 0xAA, 1]), (2, None));
         assert_eq!(cut.find(&[9, 0x55, 0xAA, 1, 2, 3]), (1, Some(4)));
         assert_eq!(Cut::Line.find(b"{}\n{"), (0, Some(3)));
-        assert_eq!(Cut::Line.find(&[b'x'; LONGEST + 1]), (LONGEST + 1, None));
+        assert_eq!(Cut::Line.find(&[b'x'; LONGEST + 1]), (0, None));
     }
 }

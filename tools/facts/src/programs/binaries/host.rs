@@ -184,7 +184,8 @@ impl Host {
 pub fn is_port_file(path: &Path) -> bool {
     let read = || {
         let mut begin = Vec::new();
-        let file = File::open(path).ok().filter(|_| path.is_file())?;
+        // A pipe would block.
+        let file = path.is_file().then(|| File::open(path).ok())??;
         file.take(LONGEST_BEGINNING).read_to_end(&mut begin).ok()?;
         Some(is_port(&String::from_utf8_lossy(&begin)))
     };
