@@ -99,7 +99,9 @@ fn betaflight_holds_the_frame_level_when_a_motor_loses_a_fifth_of_its_thrust() {
     // The same thrust as each other motor: T 0.8 s1^2 = T s3^2.
     let [weak, sound] = ["command.motor1", "command.motor3"].map(mean);
     let expected = sound / libm::sqrt(0.8);
-    assert!((weak - expected).abs() < 0.01, "{weak}, not {expected}");
+    // Two flights were 1 and 2 % off, an unharmed motor is 11 % off.
+    let error = weak / expected - 1.0;
+    assert!(error.abs() < 0.04, "{weak}, not {expected}");
 }
 
 #[test]

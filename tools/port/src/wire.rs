@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use hil_codec::frame::{Body, CanId, Frame};
 use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
-use hil_codec::row::{Refusal, Row};
+use hil_codec::row::{FieldResult, Refusal, Row};
 use hil_config::port::counts::{Counts, FrameCounts, MediumCounts};
 use hil_config::port::{Carries, Exchange, MediumKind, Period, Port, PortFrame};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -48,6 +48,9 @@ struct Incoming {
     frames: Vec<usize>,
 }
 
+/// Kind of refusal: the frame, if it is known, and the reason.
+type Kind = (Option<usize>, Discriminant<Refusal>);
+
 /// Error of a medium.
 #[derive(Debug, thiserror::Error)]
 #[error("medium `{name}` ({place}): {error}")]
@@ -68,7 +71,9 @@ pub struct Wire {
     /// For each frame, `true` if it arrived since the last [`send`](Self::send).
     has_arrived: Vec<bool>,
     unasked: Vec<u64>,
-    printed: Vec<(Option<usize>, Discriminant<Refusal>)>,
+    /// For each frame, the refused fields that have been looked at.
+    refused_fields: Vec<u64>,
+    printed: Vec<Kind>,
     buffer: Vec<u8>,
 }
 
@@ -222,6 +227,7 @@ impl Wire {
             dividers,
             has_arrived: vec![false; port.frames.len()],
             unasked: vec![0; port.frames.len()],
+            refused_fields: vec![0; port.frames.len()],
             printed: Vec::new(),
             buffer: vec![0; LONGEST + 1],
             port: port.clone(),
@@ -302,14 +308,31 @@ impl Wire {
                 let (place, result) = (incoming.receiver).receive(arrival.id, bytes, &mut self.row);
                 let frame = place.map(|place| incoming.frames[place]);
                 match (result, frame) {
-                    (Ok(()), Some(frame)) => self.has_arrived[frame] = true,
+                    (Ok(()), Some(frame)) => {
+                        self.has_arrived[frame] = true;
+                        let place = place.unwrap_or_default();
+                        let refused = incoming.receiver.counts(place).refused_fields;
+                        if refused > self.refused_fields[frame] {
+                            self.refused_fields[frame] = refused;
+                            let results = self.row.results();
+                            let columns = incoming.receiver.columns(place).iter();
+                            for result in columns.map(|column| results[*column]) {
+                                if let FieldResult::Refused(refusal) = result
+                                    && is_new(
+                                        &mut self.printed,
+                                        (Some(frame), discriminant(&refusal)),
+                                    )
+                                {
+                                    report(&self.port, index, Some(frame), &refusal, bytes);
+                                }
+                            }
+                        }
+                    }
                     (Err(refusal), frame) => {
                         if is_no_frame(&refusal) {
                             incoming.medium.reject();
                         }
-                        let key = (frame, discriminant(&refusal));
-                        if self.printed.len() < MOST_PRINTED && !self.printed.contains(&key) {
-                            self.printed.push(key);
+                        if is_new(&mut self.printed, (frame, discriminant(&refusal))) {
                             let of = frame.or(incoming.frames.first().copied());
                             report(&self.port, index, of, &refusal, bytes);
                         }
@@ -425,6 +448,15 @@ fn gone(port: &Port, medium: usize, error: io::Error) -> WireError {
         place: medium::place(&medium.kind),
         error,
     }
+}
+
+/// Returns `true` for the first refusal of a kind, as far as refusals are printed.
+fn is_new(printed: &mut Vec<Kind>, kind: Kind) -> bool {
+    let is_new = printed.len() < MOST_PRINTED && !printed.contains(&kind);
+    if is_new {
+        printed.push(kind);
+    }
+    is_new
 }
 
 /// Prints a refusal with the bytes of the frame.
