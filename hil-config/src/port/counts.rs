@@ -55,7 +55,7 @@ pub struct MediumCounts {
     pub new_peers: u64,
     /// Bytes that belong to no frame.
     pub skipped_bytes: u64,
-    /// Frames that were not sent because nobody reads them.
+    /// Attempts to send that reached nobody.
     pub unsent: u64,
 }
 
@@ -87,7 +87,7 @@ impl Counts {
                 (one.strangers, "frames of other senders"),
                 (one.new_peers, "new peers"),
                 (one.skipped_bytes, "bytes of no frame"),
-                (one.unsent, "frames that nobody read"),
+                (one.unsent, "attempts to send that reached nobody"),
             ];
             (format!("medium {}", one.name), list(&counts))
         });

@@ -12,7 +12,6 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::layout::SignalKind;
 use shared_types::quality::{Quality, SignalSet};
-use shared_types::table::Field;
 
 use crate::peer::Peer;
 use crate::wire::Wire;
@@ -25,7 +24,7 @@ const LONGEST_S: f64 = 1e6;
 /// Time between two attempts to reach a peer that is not there yet.
 const AGAIN: Duration = Duration::from_millis(20);
 
-/// What a law needs of the run that it is in. Without it nothing is opened, as for `--check`.
+/// Facts of the run that a law is in. Without them nothing is opened, as for `--check`.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// Folder of the port file.
@@ -62,13 +61,7 @@ pub fn law(
 /// Builds the tables of a port as a law.
 #[must_use]
 pub fn description(port: &Port) -> LawDescription {
-    let rows = |carries: Carries, kind: SignalKind| -> Vec<Field> {
-        let mut rows = port.table(carries).fields(kind);
-        for row in &mut rows {
-            row.description = format!("On the wire of port {}.", port.name);
-        }
-        rows
-    };
+    let sample = port.table(Carries::Sample);
     LawDescription {
         name: port.name.clone(),
         summary: match port.description.as_str() {
@@ -78,9 +71,9 @@ pub fn description(port: &Port) -> LawDescription {
         plants: Vec::new(),
         parameters: Vec::new(),
         model: Vec::new(),
-        measured: rows(Carries::Sample, SignalKind::Measured),
-        reference: rows(Carries::Sample, SignalKind::Reference),
-        commands: Some(rows(Carries::Command, SignalKind::Command)),
+        measured: sample.fields(SignalKind::Measured),
+        reference: sample.fields(SignalKind::Reference),
+        commands: Some(port.table(Carries::Command).fields(SignalKind::Command)),
         internals: Vec::new(),
         saves: false,
         tuning: String::new(),
@@ -181,9 +174,9 @@ impl PortLaw {
             if let Some(end) = peer.as_mut().and_then(Peer::end) {
                 // Its last frames may have arrived meanwhile.
                 wire.receive().map_err(|error| in_words(&error))?;
-                if wire.awaited(step).is_none() {
+                let Some(frame) = wire.awaited(step) else {
                     return Ok(());
-                }
+                };
                 let name = wire.name(frame);
                 return Err(Failure::lost(format!(
                     "{end}, while frame `{name}` was awaited"

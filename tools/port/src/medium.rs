@@ -38,7 +38,7 @@ pub struct Tally {
     pub new_peers: u64,
     /// Bytes of a stream that belong to no frame.
     pub skipped_bytes: u64,
-    /// Frames that could not be sent because the peer does not read them.
+    /// Attempts to send that reached nobody.
     pub unsent: u64,
 }
 

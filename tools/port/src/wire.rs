@@ -11,9 +11,10 @@ use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
 use hil_codec::row::{FieldResult, Refusal, Row};
 use hil_config::port::counts::{Counts, FrameCounts, MediumCounts};
-use hil_config::port::{Carries, Exchange, MediumKind, Period, Port, PortFrame};
+use hil_config::port::{Carries, Exchange, MediumKind, Port, PortFrame};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::quality::SignalSet;
+use shared_types::time::Rate;
 
 use crate::medium::{self, Cut, LONGEST, Medium};
 
@@ -37,6 +38,8 @@ struct Outgoing {
     divider: u64,
     /// Bytes that were sent last.
     bytes: Vec<u8>,
+    /// `true` if the medium took them.
+    is_sent: bool,
     sent: u64,
 }
 
@@ -77,27 +80,15 @@ pub struct Wire {
     buffer: Vec<u8>,
 }
 
-/// Returns the number of steps of a period.
-///
-/// # Errors
-/// If it is no whole number of them.
-pub fn steps(frame: &PortFrame, period_s: f64) -> Result<u64, String> {
-    let seconds = match frame.period {
-        Period::Steps(steps) => return Ok(steps),
-        Period::Seconds(seconds) => seconds,
-    };
-    let steps = seconds / period_s;
-    let nearest = match steps < 1.0 {
-        true => 1.0,
-        false => steps.round(),
-    };
-    if (steps - nearest).abs() > 1e-6 * nearest {
-        let (name, nearest_s) = (&frame.frame.name, nearest * period_s);
-        return Err(format!(
-            "frame `{name}` has a period of {seconds} s, which is {steps} steps; the nearest whole number is {nearest_s} s"
-        ));
-    }
-    Ok(nearest as u64)
+/// Returns the number of steps of the period of a frame, for a side that runs once in `period_s`.
+fn steps(frame: &PortFrame, period_s: f64) -> Result<u64, String> {
+    let rate = Rate::new(1.0 / period_s).ok_or_else(|| format!("no port runs at {period_s} s"))?;
+    frame.period.steps(rate).map_err(|(below, above)| {
+        let name = &frame.frame.name;
+        format!(
+            "the period of frame `{name}` is no whole number of steps of {period_s} s; use {below} s or {above} s"
+        )
+    })
 }
 
 /// Returns the largest age in steps of an accepted value.
@@ -164,7 +155,8 @@ pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
 }
 
 impl Wire {
-    /// Opens the media of a port, whose paths are relative to a folder. A side sends the frames that carry one direction and receives the others.
+    /// Opens the media of a port, whose paths are relative to a folder. A side sends the frames that carry one direction
+    /// and receives the others.
     ///
     /// # Errors
     /// If a medium cannot be opened, or frames cannot be told apart on it.
@@ -191,6 +183,7 @@ impl Wire {
                     packer,
                     divider,
                     bytes: Vec::with_capacity(LONGEST),
+                    is_sent: false,
                     sent: 0,
                 });
             } else {
@@ -199,13 +192,13 @@ impl Wire {
         }
         let mut media = Vec::new();
         for (medium, frames) in port.media.iter().zip(of_medium) {
-            let wanted = || frames.iter().map(|index| &port.frames[*index].frame);
+            let received = || frames.iter().map(|index| &port.frames[*index].frame);
             let place = medium::place(&medium.kind);
             let named = |error: &dyn std::fmt::Display| {
                 format!("medium `{}` ({place}): {error}", medium.name)
             };
-            let cut = cut(&medium.kind, wanted()).map_err(|error| named(&error))?;
-            let bound: Vec<Frame> = wanted().cloned().collect();
+            let cut = cut(&medium.kind, received()).map_err(|error| named(&error))?;
+            let bound: Vec<Frame> = received().cloned().collect();
             let receiver = Receiver::new(&bound, &in_table).map_err(|error| named(&error))?;
             for (place, index) in frames.iter().enumerate() {
                 if let Some(stale_s) = port.frames[*index].stale_s {
@@ -264,8 +257,8 @@ impl Wire {
             one.bytes.clear();
             (one.bytes).extend_from_slice(one.packer.pack(values, invalid));
             let result = self.media[one.medium].medium.send(one.id, &one.bytes);
-            let is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
-            one.sent += u64::from(is_sent);
+            one.is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
+            one.sent += u64::from(one.is_sent);
         }
         Ok(())
     }
@@ -280,10 +273,12 @@ impl Wire {
             if !incoming.medium.has_reached_nobody() {
                 continue;
             }
-            let due = |one: &&Outgoing| one.medium == index && step.is_multiple_of(one.divider);
-            for one in self.outgoing.iter().filter(due) {
+            let due = |one: &&mut Outgoing| one.medium == index && step.is_multiple_of(one.divider);
+            for one in self.outgoing.iter_mut().filter(due) {
                 let result = incoming.medium.send(one.id, &one.bytes);
-                result.map_err(|error| gone(&self.port, index, error))?;
+                let is_sent = result.map_err(|error| gone(&self.port, index, error))?;
+                one.sent += u64::from(is_sent && !one.is_sent);
+                one.is_sent |= is_sent;
             }
         }
         Ok(())
@@ -465,9 +460,9 @@ fn report(port: &Port, medium: usize, frame: Option<usize>, refusal: &Refusal, b
         Some(frame) => refusal.describe(&port.frames[frame].frame),
         None => "no frame is received on this medium".into(),
     };
-    let shown = &bytes[..bytes.len().min(MOST_BYTES)];
-    let hex: Vec<String> = shown.iter().map(|byte| format!("{byte:02x}")).collect();
-    let rest = match bytes.len() > shown.len() {
+    let beginning = &bytes[..bytes.len().min(MOST_BYTES)];
+    let hex: Vec<String> = beginning.iter().map(|byte| format!("{byte:02x}")).collect();
+    let rest = match bytes.len() > beginning.len() {
         true => " ..",
         false => "",
     };

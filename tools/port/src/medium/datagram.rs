@@ -304,4 +304,28 @@ mod tests {
         assert_eq!(&buffer[..4], b"next");
         assert_eq!(udp.counts().strangers, 3);
     }
+
+    #[test]
+    fn datagrams_arrive_after_many_that_reached_nobody() {
+        let absent = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+        let to = absent.local_addr().expect("an address");
+        drop(absent);
+        let mut udp = Udp::open(Some(to), None).expect("a socket");
+        let own = udp.socket.local_addr().expect("an address").port();
+        let mut buffer = [0; 512];
+        for _ in 0..2000 {
+            udp.send(None, &[0; 256]).expect("absence is no error");
+            assert_eq!(udp.receive(&mut buffer).expect("no error"), None);
+        }
+        assert!(udp.has_reached_nobody());
+        let peer = UdpSocket::bind(to).expect("a socket");
+        let own = SocketAddr::from((Ipv4Addr::LOCALHOST, own));
+        for _ in 0..2 {
+            peer.send_to(&[1; 256], own).expect("sent");
+        }
+        for _ in 0..2 {
+            let arrival = udp.receive(&mut buffer).expect("received");
+            assert_eq!(arrival.map(|one| one.length), Some(256));
+        }
+    }
 }

@@ -220,7 +220,10 @@ impl Stream {
                     End::Line(_) => {}
                 }
                 self.end = Some(end);
+                // Nothing of the peer before is part of a frame of this one.
                 self.arrived.clear();
+                self.last.clear();
+                self.is_in_long_line = false;
                 self.counts.new_peers += u64::from(self.was_connected);
                 self.was_connected = true;
                 Ok(())
@@ -412,5 +415,42 @@ mod tests {
         assert_eq!(cut.find(&[9, 0x55, 0xAA, 1, 2, 3]), (1, Some(4)));
         assert_eq!(Cut::Line.find(b"{}\n{"), (0, Some(3)));
         assert_eq!(Cut::Line.find(&[b'x'; LONGEST + 1]), (0, None));
+    }
+
+    /// Stream whose peer has written these bytes.
+    fn arrived(bytes: &[u8], cut: Cut) -> (UnixStream, Stream) {
+        let (mut peer, own) = UnixStream::pair().expect("a pair");
+        own.set_nonblocking(true).expect("a socket");
+        peer.write_all(bytes).expect("written");
+        (peer, Stream::new(Source::Line, Some(End::Unix(own)), cut))
+    }
+
+    #[test]
+    fn the_end_of_a_line_that_is_too_long_is_no_frame() {
+        let text = [&[b'x'; 3 * LONGEST][..], b"{\"f\": 77}\n{\"f\": 1}\n"].concat();
+        let (_peer, mut stream) = arrived(&text, Cut::Line);
+        let mut buffer = [0; LONGEST + 1];
+        let arrival = stream
+            .receive(&mut buffer)
+            .expect("received")
+            .expect("a line");
+        assert_eq!(&buffer[..arrival.length], b"{\"f\": 1}");
+        assert_eq!(stream.receive(&mut buffer).expect("nothing more"), None);
+        assert_eq!(stream.counts().skipped_bytes, 3 * LONGEST as u64 + 10);
+    }
+
+    #[test]
+    fn a_false_beginning_is_given_back_except_its_first_byte() {
+        let cut = Cut::Lengths(vec![(3, vec![0xAA])]);
+        let (_peer, mut stream) = arrived(&[0xAA, 1, 0xAA, 2, 3], cut);
+        let mut buffer = [0; LONGEST + 1];
+        let mut receive = |stream: &mut Stream| {
+            let arrival = stream.receive(&mut buffer).expect("received");
+            arrival.map(|one| buffer[..one.length].to_vec())
+        };
+        assert_eq!(receive(&mut stream), Some(vec![0xAA, 1, 0xAA]));
+        stream.reject();
+        assert_eq!(receive(&mut stream), Some(vec![0xAA, 2, 3]));
+        assert_eq!(stream.counts().skipped_bytes, 2);
     }
 }
