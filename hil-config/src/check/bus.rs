@@ -206,7 +206,7 @@ fn dbc_names(table: &Table, names: &mut HashSet<String>) {
     }
 }
 
-/// Reports the signals that the law reads, or the plant is commanded by, and that no frame carries.
+/// Refuses signals of the law and commands of the plant that no frame carries; returns `true` if there are none.
 fn carries_all(
     reader: &mut Reader,
     (section, key): (&Section<'_>, &str),

@@ -54,15 +54,15 @@ fn wrong(text: &str) -> Problem {
 fn a_bus_is_shown_as_it_is_with_what_follows_from_it() {
     for keys in ["", "redundancy = 2", "redundancy = 2\nskew_limit_s = 0.003"] {
         let plan: Plan = plan(&with(PORT, keys));
-        let shown = descriptions::shown(&plan);
-        assert_eq!(crate::plan(&shown), plan, "{shown}");
+        let text = descriptions::shown(&plan);
+        assert_eq!(crate::plan(&text), plan, "{text}");
         for line in [
             "# frame motion, sample: every 10 steps (0.01 s), values up to 9 steps old, stale above 25 steps",
             "#   measured.position_m: steps of 1e-6 m, -0.032768 to 0.032767 m",
             "#   reference.position_m: a float of 64 bits\n",
             "# frame drive, command: every 1 step (0.001 s), values up to 0 steps old, never stale",
         ] {
-            assert!(shown.contains(line), "`{line}` is not in\n{shown}");
+            assert!(text.contains(line), "`{line}` is not in\n{text}");
         }
     }
 }
@@ -78,13 +78,13 @@ fn a_bus_keeps_the_texts_of_its_dbc_files() {
     let file = folder.path().join("bus.toml");
     let plan = plan(&scenario(&format!("file = {file:?}"), ""));
     drop(folder);
-    let shown = descriptions::shown(&plan);
+    let text = descriptions::shown(&plan);
     assert!(
-        shown.contains("#   command.force_n: steps of 0.5 N, "),
-        "{shown}"
+        text.contains("#   command.force_n: steps of 0.5 N, "),
+        "{text}"
     );
     // Without the files.
-    assert_eq!(crate::plan(&shown), plan, "{shown}");
+    assert_eq!(crate::plan(&text), plan, "{text}");
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub(super) enum Direction {
 /// Networks on which an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Networks {
-    /// All that there are, each frame alike on all of them.
+    /// Every network, each frame alike on all of them.
     All,
     /// The one with this index.
     One(usize),

@@ -9,6 +9,8 @@
 //! Effects on one target act in the order in which they began: by step, then by number of the event, then by index in
 //! the event. Each effect acts on the result of the previous one, and its size is the change that it made.
 
+mod targets;
+
 use std::collections::VecDeque;
 
 use hil_config::expression::Columns;
@@ -24,11 +26,12 @@ use shared_types::time::{Rate, Step};
 
 use super::builder::{ArmedFault, FaultBuilder};
 use super::bus::{Bus, Line};
-use super::effect::{Action, Direction, Effect, SavedEffect};
+use super::effect::{Effect, SavedEffect};
 use super::parameters::{Parameters, SavedParameters};
 use super::schedule::{Change, SavedEvent, Schedule, waits_for};
 use super::signal_path::{SavedPath, SignalPath};
 use super::timing::Timing;
+use targets::Targets;
 
 /// Maximum number of ended faults released per admitted fault.
 const MOST_RETIRED: usize = 4;
@@ -67,16 +70,6 @@ impl SavedFaults {
     pub fn parameters(&self) -> &[f64] {
         self.parameters.row()
     }
-}
-
-/// Targets of effects, each with the effects that act on the target.
-struct Targets {
-    parameters: Parameters,
-    sample: SignalPath,
-    command: SignalPath,
-    /// Driven inputs of the plant, which cross no link.
-    input: SignalPath,
-    timing: Timing,
 }
 
 /// Admitted live fault.
@@ -453,51 +446,6 @@ impl FaultLayer {
                     }));
                 }
             }
-        }
-    }
-}
-
-impl Targets {
-    /// Returns the stack of effects at the place of this effect.
-    const fn stack_of(&mut self, action: &Action) -> &mut Vec<usize> {
-        match action {
-            // An ended effect is in no stack.
-            Action::Move(_) | Action::Parameter(..) | Action::Over => self.parameters.stack(),
-            Action::Signal(Direction::Sample, ..) => self.sample.signals(),
-            Action::Signal(Direction::Command, ..) => self.command.signals(),
-            Action::Signal(Direction::Input, ..) => self.input.signals(),
-            Action::Link(Direction::Command, ..) => self.command.link(),
-            Action::Link(..) => self.sample.link(),
-            Action::Skip(..) | Action::Busy(..) => self.timing.stack(),
-        }
-    }
-
-    /// Begins an effect; returns the number of earlier identical ones.
-    fn begin(&mut self, effects: &mut [Effect], place: usize) -> usize {
-        match effects[place].action {
-            Action::Link(Direction::Sample, ..) => self.sample.begin(&mut effects[place]),
-            Action::Link(Direction::Command, ..) => self.command.begin(&mut effects[place]),
-            _ => {}
-        }
-        let stack = self.stack_of(&effects[place].action);
-        let is_twin = |other: &&usize| effects[**other].is_twin_of(&effects[place]);
-        let twins = stack.iter().filter(is_twin).count();
-        stack.push(place);
-        twins
-    }
-
-    /// Ends an effect; changes nothing if it never began.
-    fn end(&mut self, effects: &mut [Effect], place: usize, step: Step) {
-        let stack = self.stack_of(&effects[place].action);
-        let Some(index) = stack.iter().position(|&other| other == place) else {
-            return;
-        };
-        stack.remove(index);
-        match effects[place].action {
-            Action::Move(_) | Action::Parameter(..) => self.parameters.heal(),
-            Action::Link(Direction::Sample, ..) => self.sample.end(effects, step),
-            Action::Link(Direction::Command, ..) => self.command.end(effects, step),
-            _ => {}
         }
     }
 }

@@ -1,4 +1,4 @@
-//! One direction of a bus: packing, transit and unpacking of its frames.
+//! Direction of a bus: packing, transit and unpacking of its frames.
 
 use std::collections::VecDeque;
 
@@ -23,7 +23,7 @@ use crate::faults::kind::Passage;
 /// Largest number of networks.
 const MOST: usize = 2;
 
-/// One direction of a bus.
+/// Direction of a bus.
 pub(in crate::faults) struct Line {
     frames: Vec<FrameLine>,
     row: Received,
@@ -34,7 +34,7 @@ pub(in crate::faults) struct Line {
     events: VecDeque<Mark>,
 }
 
-/// One frame of a direction.
+/// Frame of a direction.
 struct FrameLine {
     name: String,
     carries: Carries,

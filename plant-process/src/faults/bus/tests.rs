@@ -50,7 +50,7 @@ struct Rig {
     marks: Vec<String>,
 }
 
-/// What both ends receive at a step.
+/// Rows that both ends receive at a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Passed {
     a_m: f64,
@@ -95,8 +95,8 @@ fn event(id: u32, kind: &str, at: u64, effects: &[(&str, &[(&str, f64)])]) -> Fa
         let fields = entry.expect("a built-in kind").description.parameters;
         let mut settings = Settings::default();
         for field in &fields {
-            let given = parameters.iter().find(|(name, _)| *name == field.name);
-            let value = given.map_or(field.default, |(_, value)| Some(*value));
+            let parameter = parameters.iter().find(|(name, _)| *name == field.name);
+            let value = parameter.map_or(field.default, |(_, value)| Some(*value));
             settings.set(&field.name, value.expect("given or with a default"));
         }
         FaultEffect {
