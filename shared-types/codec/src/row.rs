@@ -88,6 +88,11 @@ pub enum Refusal {
         /// The field.
         field: usize,
     },
+    /// A field that the JSON text has more than once.
+    Twice {
+        /// The field.
+        field: usize,
+    },
     /// A field of the JSON text that is not a number.
     NotANumber {
         /// The field.
@@ -158,6 +163,10 @@ impl Refusal {
             Self::Absent { field } => {
                 let field = field_name(field);
                 format!("frame `{name}` lacks the field `{field}`")
+            }
+            Self::Twice { field } => {
+                let field = field_name(field);
+                format!("frame `{name}` has the field `{field}` twice")
             }
             Self::NotANumber { field } => {
                 let field = field_name(field);

@@ -416,7 +416,7 @@ fn scan(
     values: &mut [Option<JsonValue>],
 ) -> Result<(), Refusal> {
     values.fill(None);
-    let mut next = 0;
+    let (mut next, mut twice) = (0, None);
     let mut visit = |steps: &[json::Step<'_>], leaf: Leaf<'_>| {
         // Lines usually have their fields in the order of the file.
         let field = (next..paths.len()).chain(0..next);
@@ -424,6 +424,9 @@ fn scan(
             return;
         };
         next = field + 1;
+        if values[field].is_some() {
+            twice = Some(Refusal::Twice { field });
+        }
         values[field] = Some(match leaf {
             Leaf::Number(number) => JsonValue::Number(number),
             Leaf::Boolean(truth) => JsonValue::Number(f64::from(truth)),
@@ -436,5 +439,6 @@ fn scan(
             })),
         });
     };
-    json::scan(bytes, &mut visit).map_err(|at| Refusal::NotJson { at })
+    json::scan(bytes, &mut visit).map_err(|at| Refusal::NotJson { at })?;
+    twice.map_or(Ok(()), Err)
 }

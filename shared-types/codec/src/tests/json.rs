@@ -73,6 +73,11 @@ fn a_json_line_carries_values_constants_and_a_counter() {
             "the constant `type` of frame `line` has another value",
         ),
         (
+            format!("{head},\"imu\":{{\"angle\":1,\"angle\":2}}}}"),
+            false,
+            "frame `line` has the field `imu.angle` twice",
+        ),
+        (
             "{\"type\":\"imu\"}".into(),
             false,
             "frame `line` lacks the field `v`",
