@@ -98,7 +98,7 @@ fn programs(path: &Path, manifest: &Manifest) -> Result<Vec<PathBuf>, Failure> {
 fn foreign(folder: &Folder, why: &str) -> Failure {
     let folder_text = folder.path().display();
     Failure::usage(format!(
-        "refusing to run {folder_text}: {why}; if you trust its origin, make a copy that you own, with cp -r {} FOLDER, in a folder that only you can write to",
+        "refusing to run {folder_text}: {why}; if you trust its origin, copy it to a folder that you own and only you can write to: cp -r {} FOLDER",
         quoted(folder.path())
     ))
 }
