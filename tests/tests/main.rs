@@ -115,6 +115,7 @@ mod determinism;
 mod doctor;
 #[path = "../shared/every_fault.rs"]
 mod every_fault;
+mod evidence;
 mod examples;
 mod excerpts;
 mod export;
