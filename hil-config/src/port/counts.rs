@@ -29,11 +29,11 @@ pub struct FrameCounts {
     pub saturated: u64,
     /// Times it arrived and was accepted.
     pub accepted: u64,
-    /// Times it arrived with the counter of the one before.
+    /// Times it arrived with the same counter as the frame before.
     pub repeated: u64,
     /// Times it arrived and was refused for another reason.
     pub refused: u64,
-    /// Times it is missing by its counter.
+    /// Times that a gap in its counter shows it is missing.
     pub lost: u64,
     /// Fields that were refused in accepted frames.
     pub refused_fields: u64,

@@ -16,7 +16,7 @@ use super::{Arrival, LONGEST, Medium, Tally};
 
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
-/// Most reads of a stream for one frame; a sender that is faster is read on at the next call.
+/// Maximum number of reads of a stream per frame; what a faster sender has sent beyond that is read at the next call.
 const MOST_READS: u32 = 16;
 /// Time that one attempt to connect may take.
 const ATTEMPT: Duration = Duration::from_millis(200);
