@@ -1,5 +1,9 @@
 //! Port files as controllers: a peer in Python that was written from the book's page alone.
 
+mod can;
+mod first_sample;
+mod serial;
+
 use std::net::UdpSocket;
 
 use crate::support::harness::Rig;

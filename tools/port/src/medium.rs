@@ -115,10 +115,7 @@ pub fn open(medium: &port::Medium, cut: Cut, folder: &Path) -> io::Result<Box<dy
             Box::new(datagram::Unix::open(&path_of(path), *listens)?)
         }
         MediumKind::Serial { .. } => Box::new(Stream::serial(serial::open(&medium.kind)?, cut)),
-        MediumKind::Can { .. } => {
-            let why = "this version opens no CAN interface of the kernel; use a medium `cannelloni` and the program of that name";
-            return Err(io::Error::new(io::ErrorKind::Unsupported, why));
-        }
+        MediumKind::Can { interface, .. } => Box::new(can::Interface::open(interface)?),
         MediumKind::File { path } => Box::new(file::File::open(&path_of(path), cut == Cut::Line)?),
     })
 }

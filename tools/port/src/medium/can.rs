@@ -1,10 +1,12 @@
 //! CAN: identifiers and their flags, which an interface of the kernel and cannelloni write alike.
 
 mod cannelloni;
+mod socket;
 
 use hil_codec::frame::CanId;
 
 pub(super) use cannelloni::Cannelloni;
+pub(super) use socket::Interface;
 
 use super::Tally;
 
