@@ -1,5 +1,6 @@
 //! Port files as controllers: a peer in Python that was written from the book's page alone.
 
+mod campaigns;
 mod can;
 mod first_sample;
 mod serial;
