@@ -153,6 +153,7 @@ impl Service {
             reference: run.stimuli.iter().flat_map(reference).collect(),
             inputs: driven(&run.stimuli),
             kinds: run.kinds.clone(),
+            networks: run.networks,
         }))
     }
 

@@ -94,6 +94,7 @@
 //! | `HIL_TEST_STRACE=1` | `strace` |
 //! | `HIL_TEST_TCPDUMP=1` | `tcpdump`, `python3` and a user who may make network namespaces |
 //! | `HIL_TEST_UNSHARE=1` | a user who may mount file systems |
+//! | `HIL_TEST_VCAN=1` | a CAN interface `vcan0` of the kernel |
 //!
 //! `HIL_WRITE_BOOK=1` regenerates the references of the book. `HIL_TEST_PAGE=docs/faults` runs the commands of the pages
 //! whose path contains that text, and of no others.
