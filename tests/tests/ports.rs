@@ -206,3 +206,33 @@ fn a_peer_that_ends_is_named_with_its_exit_status_and_the_awaited_frame() {
         .says(&["exit status: 7", "while frame `drive` was awaited"]);
     rig.assert_nothing_left();
 }
+
+#[test]
+fn a_peer_that_starts_again_and_counts_from_0_costs_one_command() {
+    let rig = Rig::new();
+    let Some(()) = scenario(&rig, ["20", "0.5", "1000000"]) else {
+        return;
+    };
+    let counted =
+        "fields = [{ kind = \"counter\", type = \"u8\", max_jump = 3 }, { signal = \"command";
+    let path = rig.path("bench.port.toml");
+    let text = std::fs::read_to_string(path).expect("it was written");
+    rig.write(
+        "bench.port.toml",
+        &text.replace("fields = [{ signal = \"command", counted),
+    );
+    let peer = PEER.replace(
+        "pack(\"<d\", bias",
+        "pack(\"<Bd\", _ % 256 if _ < 100 else _ - 100, bias",
+    );
+    rig.write("peer.py", &peer);
+    let arguments = ["run", "wire.toml", "--out", "again", "--json"];
+    let summary = rig.hil_in(&rig.path(""), &arguments).expect(0).json();
+    let drive = &summary["port"]["frames"][1];
+    assert_eq!(drive["accepted"], 199);
+    assert_eq!(drive["refused"], 1);
+    assert_eq!(summary["held_commands"][0]["steps"], 1);
+    let log = std::fs::read_to_string(rig.path("again").join("controller.log")).expect("a log");
+    let part = "the counter `counter` of frame `drive` jumps to 0 instead of 100; bytes: 00 ";
+    assert_eq!(log.matches(part).count(), 1, "{log}");
+}

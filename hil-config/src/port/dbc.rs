@@ -82,7 +82,10 @@ impl<'a> DbcFiles<'a> {
         let message = reader.text(section, "message").ok_or(())?;
         let dbc = self.file(reader, section, name).ok_or(())?;
         let entry = dbc.message(message);
-        if entry.is_none() {
+        if dbc.messages.is_empty() {
+            let text = format!("`{name}` has no messages; it may be no DBC file");
+            reader.report_at(section, "dbc", ProblemKind::Mismatch, text);
+        } else if entry.is_none() {
             let text = format!("`{name}` has no message `{message}`");
             let names = dbc.messages.iter().map(|message| message.name.as_str());
             reader

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 
+use hil_codec::bits::ByteOrder;
 use hil_codec::frame::{Body, CanId, Content, Frame, JsonContent, Mistake};
 use shared_types::layout::SignalKind;
 
@@ -72,11 +73,12 @@ fn frame(
     if is_too_long(reader, section, "fields", MOST_FIELDS) {
         return None;
     }
-    let (name, carries, is_json, order) = (name?, carries?, is_json?, order?);
+    let (carries, is_json) = (carries?, is_json?);
+    // With a wrong order all fields are read nevertheless, so that their mistakes are reported, too.
     let context = FrameContext {
         carries,
         tables,
-        order,
+        order: order.unwrap_or(ByteOrder::Little),
         message: message.as_ref().ok().and_then(Option::as_ref),
     };
     let (body, fields) = match is_json {
@@ -89,7 +91,7 @@ fn frame(
         false if message.is_err() => return None,
         false => fields::bytes(reader, section, &context),
     };
-    let medium = medium?;
+    let (name, _, medium) = (name?, order?, medium?);
     let kind = medium.zip(media).map(|(medium, media)| &media[medium].kind);
     let id = identifier(reader, section, &context)?;
     match (kind, id) {
@@ -270,10 +272,12 @@ fn report(
         }
         Mistake::Overlap { field, with } => {
             let other = bits[with];
+            let shared = bits[field].shared_bytes(&other);
             let message = format!(
-                "field `{}` shares bits with field `{}`",
+                "field `{}` shares bits with field `{}` in {}",
                 field_name(field),
-                field_name(with)
+                field_name(with),
+                shared.unwrap_or_default()
             );
             let next = other.next_start();
             let expected = format!(

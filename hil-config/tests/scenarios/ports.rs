@@ -167,6 +167,18 @@ fn problem(from: &str, to: &str) -> Problem {
 }
 
 #[test]
+fn a_wrong_byte_order_of_a_frame_hides_no_mistake_of_its_fields() {
+    let text = BASE.replace("order = \"big\"", "order = \"middle\"");
+    let problems = problems(&text.replace("type = \"u12\"", "type = \"u65\""));
+    let messages = problems.iter().map(|problem| problem.message.as_str());
+    let expected = [
+        "`frames[0].order` is `middle`, which does not exist",
+        "`frames[0].fields[3].type` is `u65`",
+    ];
+    assert_eq!(messages.collect::<Vec<_>>(), expected);
+}
+
+#[test]
 fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
     use ProblemKind::{Duplicate, Mismatch, MissingKey, OutOfRange, UnknownKey, UnknownName};
     for (from, to, kind, key, message, expected) in [
@@ -223,7 +235,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "byte = 6",
             Mismatch,
             "frames[0].fields[5].byte",
-            "field `surface_angle_rad` shares bits with field `pressure_pa`",
+            "field `surface_angle_rad` shares bits with field `pressure_pa` in byte 6",
             "bits outside of bytes 5 to 6; behind it the next is byte 6, bit 3",
         ),
         (

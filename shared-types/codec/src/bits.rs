@@ -122,10 +122,31 @@ impl BitField {
         (mask >> (index * 8)) as u8
     }
 
+    /// Returns the bytes in which the fields share bits, in words; `None` if they share none.
+    #[must_use]
+    pub fn shared_bytes(&self, other: &Self) -> Option<String> {
+        let mut bytes = (self.first..self.end_byte())
+            .filter(|byte| self.mask_of(*byte) & other.mask_of(*byte) != 0);
+        let first = bytes.next()?;
+        Some(match bytes.last() {
+            Some(last) => format!("bytes {first} to {last}"),
+            None => format!("byte {first}"),
+        })
+    }
+
     /// Returns `true` if the fields share a bit.
     #[must_use]
     pub fn overlaps(&self, other: &Self) -> bool {
-        (self.first..self.end_byte()).any(|byte| self.mask_of(byte) & other.mask_of(byte) != 0)
+        self.shared_bytes(other).is_some()
+    }
+
+    /// Returns a raw number of the field with its bytes in reverse; `None` if it has no whole bytes.
+    #[must_use]
+    pub const fn reversed(&self, raw: u64) -> Option<u64> {
+        match self.is_whole_bytes() {
+            true => Some(raw.swap_bytes() >> (64 - self.width)),
+            false => None,
+        }
     }
 
     const fn mask(&self) -> u128 {
@@ -221,6 +242,21 @@ mod tests {
         let other = field(11, 4, ByteOrder::Big);
         assert!(!one.overlaps(&other));
         assert!(one.overlaps(&field(12, 1, ByteOrder::Little)));
+        let shared = |other: BitField| one.shared_bytes(&other);
+        assert_eq!(shared(other), None);
+        assert_eq!(
+            shared(field(12, 1, ByteOrder::Little)).as_deref(),
+            Some("byte 1")
+        );
+        assert_eq!(
+            shared(field(0, 16, ByteOrder::Little)).as_deref(),
+            Some("bytes 0 to 1")
+        );
+        assert_eq!(one.reversed(0xABC), None);
+        assert_eq!(
+            field(7, 24, ByteOrder::Big).reversed(0x0012_3456),
+            Some(0x0056_3412)
+        );
         assert_eq!(other.next_start(), 23);
     }
 

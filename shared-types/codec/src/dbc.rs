@@ -87,7 +87,7 @@ impl Dbc {
     /// All mistakes and contradictions, up to a hundred.
     pub fn read(text: &str) -> Result<Self, Vec<DbcMistake>> {
         let mut reader = Reader::default();
-        let mut is_in_text = false;
+        let (mut is_in_text, mut opening) = (false, 0..0);
         let mut start = 0;
         for line in text.split_inclusive('\n') {
             let place = start..start + line.trim_end().len();
@@ -96,7 +96,15 @@ impl Dbc {
                 reader.line(line.trim(), &place);
             }
             // Texts of comments may have several lines.
-            is_in_text ^= quotes(line) % 2 == 1;
+            if quotes(line) % 2 == 1 {
+                is_in_text = !is_in_text;
+                opening = place;
+            }
+        }
+        if is_in_text {
+            let message =
+                "this line has a text without an end, so that the lines behind it are not read";
+            reader.report(&opening, message);
         }
         reader.contradictions();
         match reader.mistakes.is_empty() {
@@ -253,14 +261,16 @@ impl Reader {
                     self.report(&signal.place, format!("{of} is described twice"));
                 }
                 let is_always_there = |one: &DbcSignal| !one.is_multiplexed;
-                let overlap = before.iter().find(|other| {
-                    (is_always_there(signal) || is_always_there(other))
-                        && signal.bits.overlaps(&other.bits)
+                let overlap = before.iter().find_map(|other| {
+                    let is_possible = is_always_there(signal) || is_always_there(other);
+                    let bytes = signal.bits.shared_bytes(&other.bits);
+                    bytes.filter(|_| is_possible).map(|bytes| (other, bytes))
                 });
-                if let Some(other) = overlap {
+                if let Some((other, bytes)) = overlap {
+                    let other = &other.name;
                     self.report(
                         &signal.place,
-                        format!("{of} shares bits with `{}`", other.name),
+                        format!("{of} shares bits with `{other}` in {bytes}"),
                     );
                 }
                 if signal.range.is_some_and(|(low, high)| low > high) {

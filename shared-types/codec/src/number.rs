@@ -89,7 +89,7 @@ pub enum Decoded {
     /// NaN or infinity.
     NotFinite,
     /// A number beyond the range.
-    OutOfRange,
+    OutOfRange(f64),
 }
 
 /// Number on a wire.
@@ -272,7 +272,7 @@ impl Number {
         }
         match is_inside {
             true => Decoded::Value(value),
-            false => Decoded::OutOfRange,
+            false => Decoded::OutOfRange(value),
         }
     }
 

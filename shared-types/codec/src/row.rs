@@ -3,7 +3,7 @@
 use shared_types::frame::{MAX_SIGNALS, VALIDITY_WORDS};
 use shared_types::quality::SignalSet;
 
-use crate::frame::{CanId, Frame};
+use crate::frame::{Body, CanId, Content, Frame, JsonContent};
 
 /// Result for one signal of a row.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,6 +50,8 @@ pub enum Refusal {
     Constant {
         /// The field.
         field: usize,
+        /// Number in the frame; `None` in JSON.
+        sent: Option<u64>,
     },
     /// A checksum that differs from that of the bytes.
     Checksum {
@@ -100,6 +102,8 @@ pub enum Refusal {
     OutOfRange {
         /// The field.
         field: usize,
+        /// Number in the frame, in the unit of the signal.
+        value: f64,
     },
 }
 
@@ -120,9 +124,11 @@ impl Refusal {
             Self::Oversized { bytes, expected } => {
                 format!("frame `{name}` has {bytes} bytes, more than its {expected}")
             }
-            Self::Constant { field } => {
+            Self::Constant { field, sent } => {
+                let other = sent.and_then(|sent| other_constant(frame, field, sent));
+                let other = other.unwrap_or_else(|| "has another value".into());
                 let field = field_name(field);
-                format!("the constant `{field}` of frame `{name}` has another value")
+                format!("the constant `{field}` of frame `{name}` {other}")
             }
             Self::Checksum {
                 field,
@@ -161,12 +167,47 @@ impl Refusal {
                 let field = field_name(field);
                 format!("field `{field}` of frame `{name}` is NaN or infinite")
             }
-            Self::OutOfRange { field } => {
+            Self::OutOfRange { field, value } => {
+                let range = range(frame, field);
                 let field = field_name(field);
-                format!("field `{field}` of frame `{name}` is out of range")
+                format!("field `{field}` of frame `{name}` is {value:?}, out of range{range}")
             }
         }
     }
+}
+
+/// Describes the number that stands in place of a constant.
+fn other_constant(frame: &Frame, field: usize, sent: u64) -> Option<String> {
+    let Body::Bytes { fields, .. } = &frame.body else {
+        return None;
+    };
+    let field = fields.get(field)?;
+    let Content::Constant(expected) = field.content else {
+        return None;
+    };
+    let is_reversed = field.bits.reversed(sent) == Some(expected);
+    let order = if is_reversed {
+        ", in the other byte order"
+    } else {
+        ""
+    };
+    Some(format!("is {sent:#x} and not {expected:#x}{order}"))
+}
+
+/// Describes the range of a field in the unit of its signal, with a space in front; empty for no signal.
+fn range(frame: &Frame, field: usize) -> String {
+    let number = match &frame.body {
+        Body::Bytes { fields, .. } => match fields.get(field).map(|field| &field.content) {
+            Some(Content::Signal(_, number)) => number,
+            _ => return String::new(),
+        },
+        Body::Json(fields) => match fields.get(field).map(|field| &field.content) {
+            Some(JsonContent::Signal(_, number)) => number,
+            _ => return String::new(),
+        },
+    };
+    let (low, high) = number.range();
+    format!(" {low:?} to {high:?}")
 }
 
 /// Row of signals on the receiving side, in the order of a signal table.

@@ -211,7 +211,7 @@ fn every_reason_to_refuse_a_frame_is_named() {
         .collect();
     assert_eq!(
         refused(&swapped).0,
-        "the constant `sync` of frame `imu` has another value"
+        "the constant `sync` of frame `imu` is 0xaa55 and not 0x55aa, in the other byte order"
     );
     let mut damaged = bytes.clone();
     damaged[5] ^= 1;
@@ -279,7 +279,7 @@ fn nan_on_the_wire_makes_its_signal_alone_invalid() {
         [
             "Value",
             "field `rate` of frame `imu` is NaN or infinite",
-            "field `count` of frame `imu` is out of range"
+            "field `count` of frame `imu` is 2001.0, out of range 0.0 to 2000.0"
         ]
     );
     assert_eq!(row.values(), [1.0, 2.0, 3.0]);

@@ -224,8 +224,10 @@ impl Unpacker {
                     std::cmp::Ordering::Equal => {}
                 }
                 for &(field, bits, raw) in constants.iter() {
-                    if bits.read(bytes) != raw {
-                        return Err(Refusal::Constant { field });
+                    let sent = bits.read(bytes);
+                    if sent != raw {
+                        let sent = Some(sent);
+                        return Err(Refusal::Constant { field, sent });
                     }
                 }
                 for (field, sum) in sums.iter() {
@@ -257,7 +259,7 @@ impl Unpacker {
                         _ => false,
                     };
                     if !is_same {
-                        return Err(Refusal::Constant { field });
+                        return Err(Refusal::Constant { field, sent: None });
                     }
                 }
                 Ok(())
@@ -317,7 +319,7 @@ impl Unpacker {
                 Decoded::Value(value) => return row.accept(column, value),
                 Decoded::Invalid => return row.mark(column, FieldResult::NotAvailable),
                 Decoded::NotFinite => Refusal::NotFinite { field },
-                Decoded::OutOfRange => Refusal::OutOfRange { field },
+                Decoded::OutOfRange(value) => Refusal::OutOfRange { field, value },
             };
             refused += 1;
             row.mark(column, FieldResult::Refused(refusal));

@@ -287,6 +287,10 @@ impl Wire {
                         }
                     }
                     (Err(refusal), frame) => {
+                        // The peer has answered, whatever it has counted.
+                        if let (Refusal::Jump { .. }, Some(frame)) = (&refusal, frame) {
+                            self.has_arrived[frame] = true;
+                        }
                         if is_no_frame(&refusal) {
                             incoming.medium.reject();
                         }

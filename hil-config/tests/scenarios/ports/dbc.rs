@@ -73,11 +73,16 @@ fn mistakes_of_a_dbc_file_and_its_use_are_reported_at_their_places() {
         problem.message,
         "`frames[0].fields[0].byte` has no effect beside a DBC signal, which gives it"
     );
+    let problem = one("not a DBC file", &field("Count"));
+    assert_eq!(
+        problem.message,
+        "`rig.dbc` has no messages; it may be no DBC file"
+    );
     let contradicting = DBC.replace("SG_ Count : 16", "SG_ Count : 12");
     let problem = one(&contradicting, &field("Count"));
     assert_eq!(
         problem.message,
-        "signal `Count` of message `Imu` shares bits with `Angle`"
+        "signal `Count` of message `Imu` shares bits with `Angle` in byte 1"
     );
     assert!(problem.source.ends_with("rig.dbc"), "{problem}");
     assert_eq!(problem.excerpt.expect("a line").line, 3);

@@ -52,7 +52,7 @@ fn a_file_that_contradicts_itself_is_refused_with_every_line() {
         (" SG_ a : 0|8@1+ (1,0) [0|0] \"\" N", None),
         (
             " SG_ b : 4|8@1+ (1,0) [0|0] \"\" N",
-            Some("signal `b` of message `A` shares bits with `a`"),
+            Some("signal `b` of message `A` shares bits with `a` in byte 0"),
         ),
         (
             " SG_ a : 12|8@1+ (1,0) [5|1] \"\" N",
@@ -121,4 +121,17 @@ fn multiplexed_signals_may_share_bits_with_each_other_only() {
         .map(|signal| signal.is_multiplexed);
     assert_eq!(multiplexed.collect::<Vec<_>>(), [false, true, true]);
     assert!(Dbc::read(&text.replace("b m1 : 8", "b m1 : 7")).is_err());
+}
+
+#[test]
+fn a_text_without_an_end_is_refused_where_it_begins() {
+    let comment = "CM_ SG_ 1 a \"from the data sheet;\n";
+    let text = format!("BO_ 1 A: 2 N\n SG_ a : 0|8@1+ (1,0) [0|0] \"\" N\n{comment}BO_ 1 B: 2 N\n");
+    let mistakes = Dbc::read(&text).expect_err("the second message would not be read");
+    let [mistake] = mistakes.as_slice() else {
+        panic!("{mistakes:?}");
+    };
+    assert_eq!(&text[mistake.place.clone()], comment.trim());
+    let message = "this line has a text without an end, so that the lines behind it are not read";
+    assert_eq!(mistake.message, message);
 }

@@ -49,7 +49,7 @@ fn numbers_on_the_wire_that_are_no_value_are_refused() {
     let range = Some((0.0, 90.0));
     let number = Number::new(Encoding::Unsigned, 8, scaled(1.0, 0.0, range)).expect("fits");
     assert_eq!(number.decode(90), Decoded::Value(90.0));
-    assert_eq!(number.decode(91), Decoded::OutOfRange);
+    assert_eq!(number.decode(91), Decoded::OutOfRange(91.0));
     let float = Number::new(Encoding::Float, 64, Scale::default()).expect("fits");
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         assert_eq!(float.decode(value.to_bits()), Decoded::NotFinite);
