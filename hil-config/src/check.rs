@@ -359,6 +359,7 @@ fn parts(
         plots,
         panel,
         programs,
+        probes: Vec::new(),
     };
     plan.tap_named(plant?);
     Some(plan)

@@ -28,6 +28,8 @@ mod quantity;
 mod reader;
 mod source;
 
+pub use analysis::SineFit;
+
 pub mod condition;
 pub mod evaluation;
 pub mod expression;

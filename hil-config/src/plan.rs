@@ -10,6 +10,7 @@ mod fault;
 mod input;
 mod instrument;
 mod plot;
+mod probe;
 mod records;
 mod requirement;
 mod stimulus;
@@ -43,6 +44,7 @@ pub(crate) use input::PLANT_TARGET;
 pub use input::driven;
 pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
+pub use probe::{Probe, Tone, cut_fields};
 pub use requirement::Requirement;
 pub use stimulus::{INPUT_KEYS, Stimulus};
 pub use taps::{tap_fields, taps_of};
@@ -86,6 +88,8 @@ pub struct Plan {
     pub panel: Panel,
     /// Programs named by the scenario.
     pub programs: Programs,
+    /// Probes that cut the loop, added by a measurement and never by a scenario.
+    pub probes: Vec<Probe>,
 }
 
 impl Plan {

@@ -337,6 +337,7 @@ mod tests {
             parameter: Vec::new(),
             sensor: Vec::new(),
             actuator: Vec::new(),
+            cut: Vec::new(),
         }
     }
 
