@@ -9,6 +9,7 @@ pub mod arguments;
 pub mod baseline;
 pub mod compare;
 pub mod judge;
+pub mod margins;
 pub mod repetition;
 pub mod replay;
 pub mod rerun;
