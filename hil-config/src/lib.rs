@@ -27,9 +27,11 @@ mod keys;
 mod quantity;
 mod reader;
 mod source;
+mod title;
 
 pub use analysis::SineFit;
 
+pub mod bus;
 pub mod condition;
 pub mod evaluation;
 pub mod expression;

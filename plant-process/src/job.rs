@@ -1,7 +1,8 @@
 //! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
 use hil_config::plan::{
-    Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Probe, Run, Stimulus, tap_fields,
+    BusPlan, Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Probe, Run, Stimulus,
+    tap_fields,
 };
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
@@ -33,6 +34,9 @@ pub struct Job {
     /// Actuators of the scenario.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actuators: Vec<Instrument>,
+    /// Bus in simulation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bus: Option<BusPlan>,
     /// Probes that cut the loop.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub probes: Vec<Probe>,
@@ -94,6 +98,7 @@ impl Job {
             stimuli: Vec::new(),
             sensors: Vec::new(),
             actuators: Vec::new(),
+            bus: None,
             probes: Vec::new(),
             faults: Vec::new(),
             changes: Vec::new(),
@@ -119,6 +124,7 @@ impl Job {
             stimuli: plan.stimuli.clone(),
             sensors: plan.sensors.clone(),
             actuators: plan.actuators.clone(),
+            bus: plan.bus.clone(),
             probes: plan.probes.clone(),
             faults: plan.faults.clone(),
             changes: plan.changes.clone(),

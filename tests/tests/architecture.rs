@@ -14,7 +14,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
 /// targets, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 21] = [
+const ARROWS: [(&str, &[&str], &[&str]); 22] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
@@ -22,7 +22,13 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
     ("hil-config", &["shared-types", "hil-codec"], &[]),
     (
         "plant-process",
-        &["shared-types", "hil-session", "hil-config", "hil-origin"],
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-codec",
+            "hil-config",
+            "hil-origin",
+        ],
         &[],
     ),
     (
@@ -37,6 +43,17 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
             "shared-types",
             "hil-session",
             "plant-process",
+            "controller-process",
+        ],
+        &[],
+    ),
+    (
+        "hil-port",
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-codec",
+            "hil-config",
             "controller-process",
         ],
         &[],
@@ -213,10 +230,11 @@ const SYSTEM: [&str; 8] = [
 /// The only package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
-const PROGRAMS: [&str; 5] = [
+const PROGRAMS: [&str; 6] = [
     "controller-process",
     "hil",
     "hil-fmu",
+    "hil-port",
     "hil-target",
     "plant-process",
 ];

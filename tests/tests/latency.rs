@@ -247,7 +247,7 @@ fn a_recording_gives_the_latency_of_its_summary() {
 }
 
 /// End of the sentence in a report that grades a run.
-const GRADED: &str = "unfit for servo loops, by the limits that users of machine control live by.";
+const GRADED: &str = "unfit for servo loops, by the limits that are usual in machine control.";
 
 /// Compares figures with the exact order statistics of the same times.
 #[track_caller]

@@ -131,6 +131,8 @@ fn refuse(case: &Case) -> Result<(), Failure> {
         "--audit keeps no checkpoints; omit --checkpoint-at"
     } else if case.plan.run.clock == Clock::Realtime {
         "a real-time run depends on late commands; audit it with --clock lockstep"
+    } else if !case.environment.binaries.controller.is_repeatable() {
+        "the far end of the port keeps a clock of its own (`repeatable = false`), so equal runs differ and there is nothing to audit"
     } else {
         return Ok(());
     };
