@@ -1,37 +1,38 @@
 //! Margins of the running loop: `hil margins`.
 //!
-//! For each operating point and command:
+//! Every command has a [probe]. For each operating point:
 //!
-//! 1. A run without tones shows the motion that the loop has by itself, at the same frequencies.
-//! 2. A run with a multi-sine at the [probe] gives L = -(input / output) at coarse frequencies; further runs add
-//!    frequencies beside the crossings of the [locus] until each is enclosed.
-//! 3. A run with half the amplitude shows if the response depends on the amplitude.
+//! 1. A run without tones shows the motion that the loop has by itself.
+//! 2. For each command, a run with a multi-sine gives L = -(input / output) of its [probe] at coarse frequencies; further
+//!    runs add frequencies beside the crossings of the [locus] until each is enclosed.
+//! 3. Each run is repeated with half the amplitude, which shows if the response depends on the amplitude.
+//! 4. With several commands, the same runs give the margin of all loops [together].
 //!
-//! The motion of step 1 is subtracted. A margin that the response does not support is refused with a reason. Runs are
-//! executed in this thread, so plant and law must be built into `hil`.
+//! The motion of step 1 is subtracted. A margin that the response does not support is [refused](refusal) with a reason.
+//! Plants and laws that are built into `hil` run in this thread, other [programs](rig) in two processes.
 
-use hil_config::plan::Plan;
+use hil_config::plan::{Clock, Plan};
 use hil_config::scenario::Scenario;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
-use hil_facts::arguments::BinaryArguments;
-use hil_facts::programs::binaries::Choices;
-use hil_facts::programs::binaries::named::Named;
 use hil_facts::tables::FORMATS;
-use hil_run::alone;
-use shared_types::describe::Description;
 
 use crate::arguments::margins::MarginsArguments;
-use measurement::Measurement;
+use measurement::{Measured, Measurement};
+use probe::{Course, Loops, Stop};
 use report::Report;
+use rig::Rig;
 use span::Span;
 
 mod locus;
 mod measurement;
 mod probe;
+mod refusal;
 mod report;
+mod rig;
 mod span;
+mod together;
 
 /// Runs the command.
 ///
@@ -39,9 +40,12 @@ mod span;
 /// If the scenario or an option is invalid, a run failed, or the user interrupted the command.
 pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
-    let described = alone::built_in();
-    let plan = plan(arguments, &described, &interruption)?;
-    let commands = commands(&plan, &described, &arguments.command)?;
+    let read = || Scenario::read(&arguments.scenario);
+    let scenario = interruption.at_once(read)??.with_formats(FORMATS);
+    let scenario = scenario.set(&arguments.set);
+    let rig = Rig::of(&arguments.binaries, &scenario, &interruption)?;
+    let plan = plan(arguments, &scenario, &rig)?;
+    let commands = commands(&plan, &rig, &arguments.command)?;
     let span = Span::new(arguments.frequencies.as_deref(), plan.run.rate.hz())?;
     if arguments
         .amplitude
@@ -59,25 +63,15 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
     }
     let mut report = Report::default();
     for at_s in points {
-        for (name, unit) in &commands {
-            tell!("probing command.{name} at {at_s} s");
-            let measurement = Measurement {
-                plan: &plan,
-                described: &described,
-                command: name,
-                at_s,
-                amplitude: arguments.amplitude,
-                span,
-                interruption: &interruption,
-            };
-            let result = match plan.controller.rate_divisor {
-                1 => measurement.run()?,
-                n => Err(format!(
-                    "the law runs at every {n}th sample only, so the response depends on the time within its period"
-                )),
-            };
-            report.add(name, unit, at_s, result);
-        }
+        let point = Point {
+            rig: &rig,
+            plan: &plan,
+            commands: &commands,
+            amplitude: arguments.amplitude,
+            span,
+            interruption: &interruption,
+        };
+        point.measure(at_s, &mut report)?;
     }
     if let Some(path) = &arguments.output {
         std::fs::write(path, report.csv()).map_err(|error| {
@@ -91,24 +85,114 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
     })
 }
 
-/// Reads the scenario and keeps the requested faults.
-fn plan(
-    arguments: &MarginsArguments,
-    [plant, controller]: &[Description; 2],
-    interruption: &Interruption,
-) -> Result<Plan, Failure> {
-    let read = || Scenario::read(&arguments.scenario);
-    let scenario = interruption.at_once(read)??.with_formats(FORMATS);
-    let scenario = scenario.set(&arguments.set);
-    let choices = Choices::of(&BinaryArguments::default(), &Named::by(&scenario), None)?;
-    if choices.names_one() {
-        return Err(Failure::usage(
-            "hil margins runs plants and laws that are built into hil, but the scenario or the environment names a program",
-        ));
+/// Command of the plant.
+struct Command {
+    name: String,
+    unit: String,
+    /// `true` if its margins are requested.
+    is_chosen: bool,
+}
+
+/// Operating points of a plan.
+struct Point<'a> {
+    rig: &'a Rig,
+    plan: &'a Plan,
+    commands: &'a [Command],
+    amplitude: Option<f64>,
+    span: Span,
+    interruption: &'a Interruption,
+}
+
+impl Point<'_> {
+    /// Measures the loops from a time on.
+    fn measure(&self, at_s: f64, report: &mut Report) -> Result<(), Failure> {
+        let names: Vec<String> = self.commands.iter().map(|one| one.name.clone()).collect();
+        let loops = Loops {
+            rig: self.rig,
+            plan: self.plan,
+            commands: &names,
+            course: Course {
+                first_step: self.plan.run.rate.step_at_or_after(at_s).0,
+                period_steps: self.span.period_steps(),
+            },
+            interruption: self.interruption,
+        };
+        let own = match two_rates(self.plan) {
+            Some(reason) => Err(reason),
+            None => refusable(loops.run(None))?,
+        };
+        let mut measured: Vec<Option<Measured>> = Vec::new();
+        for (place, command) in self.commands.iter().enumerate() {
+            if !command.is_chosen {
+                measured.push(None);
+                continue;
+            }
+            tell!("probing command.{} at {at_s} s", command.name);
+            let result = match &own {
+                Err(reason) => Err(reason.clone()),
+                Ok(own) => {
+                    let measurement = Measurement {
+                        loops: &loops,
+                        own,
+                        command: place,
+                        amplitude: self.amplitude,
+                        span: self.span,
+                    };
+                    refusable(measurement.run())?
+                }
+            };
+            let as_result = result.as_ref().map_err(Clone::clone);
+            report.add(&command.name, &command.unit, at_s, as_result);
+            measured.push(result.ok());
+        }
+        if self.commands.len() < 2 || self.commands.iter().any(|command| !command.is_chosen) {
+            return Ok(());
+        }
+        let all: Option<Vec<&Measured>> = measured.iter().map(Option::as_ref).collect();
+        let result = match (own, all) {
+            (Ok(own), Some(all)) => {
+                tell!("probing all commands at {at_s} s");
+                refusable(together::measure(&loops, &own, &all, self.span))?
+            }
+            _ => Err("the margins of a command were refused".into()),
+        };
+        report.add_together(at_s, result);
+        Ok(())
     }
-    let plan = scenario.check(&plant.plants, &controller.laws, &plant.faults)?;
+}
+
+/// Separates a refusal from a failure.
+fn refusable<T>(result: Result<T, Stop>) -> Result<Result<T, String>, Failure> {
+    match result {
+        Ok(value) => Ok(Ok(value)),
+        Err(Stop::Refused(reason)) => Ok(Err(reason)),
+        Err(Stop::Failed(failure)) => Err(failure),
+    }
+}
+
+/// Returns the reason to refuse a law that runs at some samples only.
+fn two_rates(plan: &Plan) -> Option<String> {
+    let divisor = plan.controller.rate_divisor;
+    (divisor != 1).then(|| {
+        let rate_hz = plan.run.rate.hz() / f64::from(divisor);
+        format!(
+            "the law runs at every {divisor}th sample only, so the loop has two rates and no single response; measure it at the rate of the law: --set run.rate_hz={rate_hz} --set plant.substeps={}",
+            divisor * plan.plant.substeps
+        )
+    })
+}
+
+/// Checks the scenario and keeps the requested faults.
+fn plan(arguments: &MarginsArguments, scenario: &Scenario, rig: &Rig) -> Result<Plan, Failure> {
+    let (plants, laws, kinds) = rig.described();
+    let plan = scenario.check(plants, laws, kinds)?;
     let mut plan = plan.without_judgement();
-    alone::refuse_clock(&plan)?;
+    if plan.run.clock != Clock::Lockstep {
+        return Err(Failure::usage(format!(
+            "run.clock = \"{}\": margins are measured in lockstep; add --set run.clock=lockstep",
+            plan.run.clock.name()
+        )));
+    }
     if let Some(number) = arguments.fault {
         let count = plan.faults.len();
         if number > count {
@@ -123,13 +207,10 @@ fn plan(
     Ok(plan)
 }
 
-/// Returns name and unit of the commands to be probed.
-fn commands(
-    plan: &Plan,
-    [plant, _]: &[Description; 2],
-    names: &[String],
-) -> Result<Vec<(String, String)>, Failure> {
-    let plant = plan.plant_among(&plant.plants);
+/// Lists the commands of the plant; without names, all are chosen.
+fn commands(plan: &Plan, rig: &Rig, names: &[String]) -> Result<Vec<Command>, Failure> {
+    let (plants, ..) = rig.described();
+    let plant = plan.plant_among(plants);
     let all = plant.map_or_else(Vec::new, |plant| plant.commands);
     if let Some(name) = names
         .iter()
@@ -141,9 +222,12 @@ fn commands(
             there.join(", ")
         )));
     }
-    let all = all.into_iter().map(|one| (one.name, one.unit));
-    let chosen = all.filter(|(name, _)| names.is_empty() || names.contains(name));
-    Ok(chosen.collect())
+    let all = all.into_iter().map(|one| Command {
+        is_chosen: names.is_empty() || names.contains(&one.name),
+        name: one.name,
+        unit: one.unit,
+    });
+    Ok(all.collect())
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use hil_facts::arguments::BinaryArguments;
 
 /// Examples in the help of `hil margins`.
 pub const EXAMPLES: &str = "\
@@ -13,7 +14,8 @@ Examples:
   hil margins scenarios/spring-mass.toml
   hil margins scenarios/spring-mass.toml --at 2 --at 5 --frequencies 0.5..100
   hil margins scenarios/spring-mass.toml --set controller.pid.proportional_n_per_m=600 --json
-  hil margins scenarios/spring-mass.toml -o loop.csv";
+  hil margins scenarios/spring-mass.toml -o loop.csv
+  hil margins examples/own-plant/pendulum.toml";
 
 /// Arguments of `hil margins`.
 #[derive(Debug, Args)]
@@ -24,6 +26,9 @@ pub struct MarginsArguments {
     /// Change a value of the scenario; may be given several times, once per value
     #[arg(long, value_name = "KEY=VALUE")]
     pub set: Vec<String>,
+    /// Programs of plant and controller
+    #[command(flatten)]
+    pub binaries: BinaryArguments,
     /// Simulated time in s at which the probe begins; may be given several times [default: the end of the
     /// scenario]
     #[arg(long, value_name = "S")]

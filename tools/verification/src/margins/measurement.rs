@@ -1,52 +1,42 @@
-//! Measurement of one loop: its responses, its margins, and the reasons to refuse them.
+//! Measurement of one loop: its responses and its margins.
 
 use std::collections::BTreeMap;
 
-use hil_config::plan::Plan;
-use hil_console::terminal::exit::Failure;
-use hil_console::terminal::interruption::Interruption;
-use shared_types::describe::Description;
-
 use super::locus::{Margins, Response, margins};
-use super::probe::{self, Course, Probed, WINDOWS};
+use super::probe::{Complex, Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
+use super::refusal;
 use super::span::Span;
 
 /// Share of the largest command that the probe has by default.
 const SHARE: f64 = 0.01;
-/// Largest share of the loop's own motion in the response.
-const OWN_MOTION: f64 = 0.1;
-/// Largest relative change of L at half the amplitude, and from one window to another.
-const CHANGE: f64 = 0.02;
-/// Gains at which the response decides about margins.
-const DECISIVE: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 /// Largest number of runs that add frequencies.
 const REFINEMENTS: usize = 4;
 
-/// Loop to be measured.
+/// Loop to be measured, while the loops of all other commands stay closed.
 pub(super) struct Measurement<'a> {
-    pub(super) plan: &'a Plan,
-    pub(super) described: &'a [Description; 2],
-    pub(super) command: &'a str,
-    pub(super) at_s: f64,
+    pub(super) loops: &'a Loops<'a>,
+    /// Motion without tones.
+    pub(super) own: &'a Motion,
+    /// Place of the command.
+    pub(super) command: usize,
     pub(super) amplitude: Option<f64>,
     pub(super) span: Span,
-    pub(super) interruption: &'a Interruption,
 }
 
 /// Measured response at one frequency.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
     pub(super) frequency_hz: f64,
-    pub(super) l: (f64, f64),
+    pub(super) l: Complex,
     /// Response in each window.
-    windows: [(f64, f64); WINDOWS],
+    pub(super) windows: [Complex; WINDOWS],
     /// Response at half the amplitude.
-    half: (f64, f64),
+    pub(super) half: Complex,
     /// Amplitude of the response at the probe's output.
     pub(super) amplitude: f64,
     pub(super) coherence: f64,
     /// Amplitude of the loop's own motion, as a share of the response.
-    own: f64,
+    pub(super) own: f64,
 }
 
 /// Measured loop.
@@ -57,28 +47,36 @@ pub(super) struct Measured {
     pub(super) margins: Margins,
     /// Margins from each window, and from half the amplitude.
     pub(super) others: Vec<Margins>,
+    /// Responses of all probes at the first tones, without the loop's own motion.
+    pub(super) first: Vec<Fitted>,
+}
+
+impl Point {
+    /// Returns the largest relative change of L from one window to another.
+    pub(super) fn unsteadiness(&self) -> f64 {
+        let all = self.windows.iter().map(|window| change(*window, self.l));
+        all.fold(0.0, f64::max)
+    }
+
+    /// Returns the relative change of L at half the amplitude.
+    pub(super) fn nonlinearity(&self) -> f64 {
+        change(self.half, self.l)
+    }
 }
 
 impl Measurement<'_> {
-    /// Measures the loop; returns the reason if that is refused.
-    pub(super) fn run(&self) -> Result<Result<Measured, String>, Failure> {
-        let first = self.span.tones();
-        let rest = self.probed(0.0, &first)?;
-        let own = match rest {
-            Ok(own) => own,
-            Err(reason) => return Ok(Err(reason)),
-        };
-        let amplitude = self.amplitude.unwrap_or(SHARE * own.largest);
+    /// Measures the loop.
+    pub(super) fn run(&self) -> Result<Measured, Stop> {
+        let tones = self.span.tones();
+        let amplitude = (self.amplitude).unwrap_or(SHARE * self.own.largest[self.command]);
         if amplitude == 0.0 {
-            return Ok(Err(
+            return Err(Stop::Refused(
                 "the command is 0 throughout, so no amplitude follows from it; give --amplitude"
                     .into(),
             ));
         }
         let mut points = BTreeMap::new();
-        if let Err(reason) = self.add(&mut points, amplitude, &first, &own)? {
-            return Ok(Err(reason));
-        }
+        let first = self.add(&mut points, amplitude, &tones)?;
         for _ in 0..REFINEMENTS {
             let current = margins(&locus(&points, |point| point.l));
             let mut further: Vec<u64> = (current.places_hz().into_iter())
@@ -91,114 +89,97 @@ impl Measurement<'_> {
             if further.is_empty() {
                 break;
             }
-            let own = match self.probed(0.0, &further)? {
-                Ok(own) => own,
-                Err(reason) => return Ok(Err(reason)),
-            };
-            if let Err(reason) = self.add(&mut points, amplitude, &further, &own)? {
-                return Ok(Err(reason));
-            }
+            self.add(&mut points, amplitude, &further)?;
         }
         let all: Vec<Point> = points.values().cloned().collect();
-        if let Some(reason) = refusal(&all) {
-            return Ok(Err(reason));
-        }
         let result = margins(&locus(&points, |point| point.l));
-        if result.crossovers.is_empty() {
-            let gain = |point: Option<&Point>| point.map_or(f64::NAN, |one| size(one.l));
-            return Ok(Err(format!(
-                "no crossover: |L| is {:.4} at {:.4} Hz and {:.4} at {:.4} Hz, and never 1 between",
-                gain(all.first()),
-                self.span.low_hz,
-                gain(all.last()),
-                self.span.high_hz
-            )));
+        if let Some(reason) = refusal::of(&all, &result, self.own.growth(self.command)) {
+            return Err(Stop::Refused(reason));
         }
         let mut others: Vec<Margins> = (0..WINDOWS)
             .map(|window| margins(&locus(&points, |point| point.windows[window])))
             .collect();
         others.push(margins(&locus(&points, |point| point.half)));
-        Ok(Ok(Measured {
+        Ok(Measured {
             amplitude,
             points: all,
             margins: result,
             others,
-        }))
+            first,
+        })
     }
 
-    /// Runs the loop with these tones.
-    fn probed(&self, amplitude: f64, turns: &[u64]) -> Result<Result<Probed, String>, Failure> {
-        let course = Course {
-            first_step: self.plan.run.rate.step_at_or_after(self.at_s).0,
-            period_steps: self.span.period_steps(),
-        };
-        let probe = (self.command, amplitude);
-        probe::run(
-            self.plan,
-            self.described,
-            probe,
-            course,
-            turns,
-            self.interruption,
-        )
-    }
-
-    /// Measures the response at these tones, with the whole and with half the amplitude.
+    /// Measures the response at these tones, with the whole and with half the amplitude; returns that of all probes to
+    /// the whole amplitude.
     fn add(
         &self,
         points: &mut BTreeMap<u64, Point>,
         amplitude: f64,
-        turns: &[u64],
-        own: &Probed,
-    ) -> Result<Result<(), String>, Failure> {
-        let whole = match self.probed(amplitude, turns)? {
-            Ok(whole) => whole,
-            Err(reason) => return Ok(Err(reason)),
+        tones: &[u64],
+    ) -> Result<Vec<Fitted>, Stop> {
+        let run = |amplitude: f64| {
+            let motion = self.loops.run(Some(Excitation {
+                command: self.command,
+                amplitude,
+                turns: tones,
+            }))?;
+            if let Some(reason) = refusal::limited(self.loops.commands, &motion.limited) {
+                return Err(Stop::Refused(reason));
+            }
+            Ok(motion)
         };
-        let half = match self.probed(0.5 * amplitude, turns)? {
-            Ok(half) => half,
-            Err(reason) => return Ok(Err(reason)),
-        };
-        for (index, turns) in turns.iter().enumerate() {
-            let own = &own.phasors[index];
-            let with = |probed: &Probed| without(&probed.phasors[index], own);
-            let (whole, half) = (with(&whole), with(&half));
-            let output =
-                (whole.iter().map(|[_, output]| size(*output))).sum::<f64>() / WINDOWS as f64;
-            let own = own
-                .iter()
-                .map(|[_, output]| size(*output))
-                .fold(0.0, f64::max);
-            let (l, coherence) = response(&whole);
+        let own = self.own.fits(tones)?;
+        let (whole, half) = (run(amplitude)?, run(0.5 * amplitude)?);
+        let clipped = whole.clipped(self.command);
+        let (whole, half) = (
+            response_to(whole.fits(tones)?, &own),
+            response_to(half.fits(tones)?, &own),
+        );
+        for (index, turns) in tones.iter().enumerate() {
+            let of = |fits: &[Fitted]| fits[index].each_ref().map(|all| all[self.command]);
+            let (whole, half, own) = (of(&whole), of(&half), of(&own));
+            let output = whole.iter().map(|[_, output]| size(*output));
+            let output = output.sum::<f64>() / WINDOWS as f64;
+            let own = own.iter().map(|[_, output]| size(*output));
+            let (l, coherence) = open_loop(&whole);
             let point = Point {
                 frequency_hz: self.span.hz(*turns),
                 l,
-                windows: whole.map(|window| response(&[window]).0),
-                half: response(&half).0,
+                windows: whole.map(|window| open_loop(&[window]).0),
+                half: open_loop(&half).0,
                 amplitude: output,
                 coherence,
-                own: own / output,
+                own: own.fold(0.0, f64::max) / output,
             };
             points.insert(*turns, point);
         }
-        Ok(Ok(()))
+        let stands = clipped
+            .filter(|_| (points.values()).any(|point| point.nonlinearity() > refusal::CHANGE));
+        match stands {
+            Some(value) => Err(Stop::Refused(format!(
+                "saturation: the law's command stands at {value} for several steps while the probe runs; lower --amplitude, or choose another --at"
+            ))),
+            None => Ok(whole),
+        }
     }
 }
 
-type Phasors = [(f64, f64); 2];
-
 /// Subtracts the loop's own motion.
-fn without(phasors: &[Phasors; WINDOWS], own: &[Phasors; WINDOWS]) -> [Phasors; WINDOWS] {
-    std::array::from_fn(|window| {
-        std::array::from_fn(|side| {
-            let (a, b) = (phasors[window][side], own[window][side]);
-            (a.0 - b.0, a.1 - b.1)
-        })
-    })
+pub(super) fn response_to(mut fits: Vec<Fitted>, own: &[Fitted]) -> Vec<Fitted> {
+    let values = |fits: &mut Fitted, own: &Fitted| {
+        let all = fits.iter_mut().flatten().flatten();
+        for (value, own) in all.zip(own.iter().flatten().flatten()) {
+            *value = (value.0 - own.0, value.1 - own.1);
+        }
+    };
+    for (fits, own) in fits.iter_mut().zip(own) {
+        values(fits, own);
+    }
+    fits
 }
 
 /// Computes `L = -sum(in conj(out)) / sum(|out|^2)`, and the coherence of input and output.
-fn response(windows: &[Phasors]) -> ((f64, f64), f64) {
+fn open_loop(windows: &[[Complex; 2]]) -> (Complex, f64) {
     let (mut re, mut im, mut inputs, mut outputs) = (0.0, 0.0, 0.0, 0.0);
     for [(a, b), (c, d)] in windows {
         re += a * c + b * d;
@@ -210,7 +191,7 @@ fn response(windows: &[Phasors]) -> ((f64, f64), f64) {
     ((-re / outputs, -im / outputs), coherence)
 }
 
-fn locus(points: &BTreeMap<u64, Point>, l: impl Fn(&Point) -> (f64, f64)) -> Vec<Response> {
+fn locus(points: &BTreeMap<u64, Point>, l: impl Fn(&Point) -> Complex) -> Vec<Response> {
     let of = |point: &Point| Response {
         frequency_hz: point.frequency_hz,
         l: l(point),
@@ -218,52 +199,12 @@ fn locus(points: &BTreeMap<u64, Point>, l: impl Fn(&Point) -> (f64, f64)) -> Vec
     points.values().map(of).collect()
 }
 
-fn size((re, im): (f64, f64)) -> f64 {
+/// Returns the absolute value.
+pub(super) fn size((re, im): Complex) -> f64 {
     libm::hypot(re, im)
 }
 
 /// Returns the relative difference of two responses.
-fn change(a: (f64, f64), b: (f64, f64)) -> f64 {
+fn change(a: Complex, b: Complex) -> f64 {
     size((a.0 - b.0, a.1 - b.1)) / size(b)
-}
-
-/// Returns the reason why a response supports no margin, if there is one.
-fn refusal(points: &[Point]) -> Option<String> {
-    if let Some(point) = points.iter().find(|point| !size(point.l).is_finite()) {
-        return Some(format!(
-            "there is no response at {:.4} Hz",
-            point.frequency_hz
-        ));
-    }
-    let decisive = || {
-        points
-            .iter()
-            .filter(|point| DECISIVE.contains(&size(point.l)))
-    };
-    let worst = |of: &dyn Fn(&Point) -> f64| {
-        let all = decisive().map(|point| (of(point), point.frequency_hz));
-        all.max_by(|a, b| a.0.total_cmp(&b.0))
-    };
-    if let Some((own, hz)) = worst(&|point| point.own).filter(|(own, _)| *own > OWN_MOTION) {
-        return Some(format!(
-            "the loop moves by itself: at {hz:.4} Hz its own motion is {:.1} % of the response; raise --amplitude, or choose another --at",
-            100.0 * own
-        ));
-    }
-    let spread = |point: &Point| {
-        let all = point.windows.iter().map(|window| change(*window, point.l));
-        all.fold(0.0, f64::max)
-    };
-    if let Some((share, hz)) = worst(&spread).filter(|(share, _)| *share > CHANGE) {
-        return Some(format!(
-            "the response is not steady: at {hz:.4} Hz it changes by {:.1} % from one period to another, so the loop is unstable, still settling or disturbed",
-            100.0 * share
-        ));
-    }
-    let halved = |point: &Point| change(point.half, point.l);
-    let (share, hz) = worst(&halved).filter(|(share, _)| *share > CHANGE)?;
-    Some(format!(
-        "the response depends on the amplitude: at {hz:.4} Hz L changes by {:.1} % at half the amplitude, as from saturation or friction; choose another --amplitude",
-        100.0 * share
-    ))
 }

@@ -1,4 +1,4 @@
-//! A run with a probe, and the fits of the probe's input and output.
+//! A run with a probe at every command, and the fits of the probes' inputs and outputs.
 
 use std::f64::consts::{PI, TAU};
 
@@ -6,14 +6,34 @@ use hil_config::SineFit;
 use hil_config::plan::{Plan, Probe, Tone};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
-use hil_run::alone;
-use shared_types::describe::Description;
 use shared_types::link::LinkError;
 use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
 
+use super::rig::Rig;
+
 /// Windows in which the response is fitted, one after another.
 pub(super) const WINDOWS: usize = 3;
+
+/// Real and imaginary part.
+pub(super) type Complex = (f64, f64);
+
+/// `a + j b` of the input and of the output of each command's probe, in each window.
+pub(super) type Fitted = [Vec<[Complex; 2]>; WINDOWS];
+
+/// Reason why a measurement ends without margins.
+pub(super) enum Stop {
+    /// Margins are refused.
+    Refused(String),
+    /// A run failed or was interrupted.
+    Failed(Failure),
+}
+
+impl From<Failure> for Stop {
+    fn from(failure: Failure) -> Self {
+        Self::Failed(failure)
+    }
+}
 
 /// Times of a probe in steps: a period to settle, then the windows, each one period.
 #[derive(Clone, Copy, Debug)]
@@ -22,88 +42,201 @@ pub(super) struct Course {
     pub(super) period_steps: u64,
 }
 
-/// Result of a run with a probe.
-pub(super) struct Probed {
-    /// `a + j b` of the probe's input and output, for each tone and window.
-    pub(super) phasors: Vec<[[(f64, f64); 2]; WINDOWS]>,
-    /// Largest size of the probe's input.
-    pub(super) largest: f64,
+/// Loops of a plan, all of which are cut at a probe.
+pub(super) struct Loops<'a> {
+    pub(super) rig: &'a Rig,
+    pub(super) plan: &'a Plan,
+    /// Every command of the plant that the law drives.
+    pub(super) commands: &'a [String],
+    pub(super) course: Course,
+    pub(super) interruption: &'a Interruption,
 }
 
-/// Runs a plan with tones of this total amplitude added to a command. Returns the reason if the run does not complete.
-pub(super) fn run(
-    plan: &Plan,
-    described: &[Description; 2],
-    (command, amplitude): (&str, f64),
+/// Tones at one command.
+#[derive(Clone, Copy)]
+pub(super) struct Excitation<'a> {
+    /// Place of the command.
+    pub(super) command: usize,
+    /// Amplitude, of which all tones together have the power.
+    pub(super) amplitude: f64,
+    /// Turns of each tone in the common period.
+    pub(super) turns: &'a [u64],
+}
+
+/// Motion of a run with probes.
+pub(super) struct Motion {
     course: Course,
-    turns: &[u64],
-    interruption: &Interruption,
-) -> Result<Result<Probed, String>, Failure> {
-    let mut plan = plan.clone();
-    let size = amplitude / (turns.len() as f64).sqrt();
-    // Phases after Schroeder, which keep the peak of the sum low.
-    let tones = turns.iter().enumerate().map(|(index, turns_of)| Tone {
-        turns: *turns_of,
-        amplitude: size,
-        phase_rad: PI * ((index * index) as f64) / turns.len() as f64,
-    });
-    plan.run.steps = course.first_step + (1 + WINDOWS as u64) * course.period_steps;
-    plan.probes = vec![Probe {
-        command: command.into(),
-        first_step: course.first_step,
-        period_steps: course.period_steps,
-        tones: tones.collect(),
-    }];
-    let sink = |layout: &RecordLayout| Fits::new(layout.clone(), course, turns);
-    let (end, fits) = alone::observe(&plan, described, sink, interruption)?;
-    if end.outcome != Outcome::Completed {
+    excited: Option<usize>,
+    /// Inputs of the probes in all windows, by command.
+    inputs: Vec<Vec<f64>>,
+    /// Output of the excited probe in all windows.
+    output: Vec<f64>,
+    /// Largest size of each command.
+    pub(super) largest: Vec<f64>,
+    /// Number of steps of the probe at which an actuator stood at the end of its range, by command.
+    pub(super) limited: Vec<u64>,
+}
+
+impl Loops<'_> {
+    /// Runs the loops, with tones at a command if there are any.
+    pub(super) fn run(&self, excitation: Option<Excitation<'_>>) -> Result<Motion, Stop> {
+        let mut plan = self.plan.clone();
+        plan.run.steps = self.course.first_step + (1 + WINDOWS as u64) * self.course.period_steps;
+        plan.probes = (self.commands.iter().enumerate())
+            .map(|(place, command)| Probe {
+                command: command.clone(),
+                first_step: self.course.first_step,
+                period_steps: self.course.period_steps,
+                tones: (excitation.filter(|one| one.command == place)).map_or_else(Vec::new, tones),
+            })
+            .collect();
+        let excited = excitation.map(|one| one.command);
+        let limits: Vec<_> = (self.commands.iter())
+            .map(|name| {
+                let own = (plan.actuators.iter()).find(|one| one.signal == *name)?;
+                own.range()
+            })
+            .collect();
+        let sink = |layout: &RecordLayout| Series::new(layout, self, excited, &limits);
+        let (end, series) = self.rig.observe(&plan, sink, self.interruption)?;
         let reason = end.reason.unwrap_or_else(|| "it did not complete".into());
-        return Ok(Err(format!("the run with the probe ended early: {reason}")));
-    }
-    Ok(fits.finish())
-}
-
-/// Sink that fits the probe's input and output.
-struct Fits {
-    layout: RecordLayout,
-    course: Course,
-    /// Sine and cosine of each part of the period.
-    table: Vec<(f64, f64)>,
-    tones: Vec<(u64, [SineFit; WINDOWS])>,
-    largest: f64,
-}
-
-impl Fits {
-    fn new(layout: RecordLayout, course: Course, turns: &[u64]) -> Self {
-        let part = |k: u64| libm::sincos(TAU * k as f64 / course.period_steps as f64);
-        Self {
-            layout,
-            course,
-            table: (0..course.period_steps).map(part).collect(),
-            tones: (turns.iter())
-                .map(|turns| (*turns, Default::default()))
-                .collect(),
-            largest: 0.0,
+        let with = match excited {
+            Some(_) => "with the probe",
+            None => "without the probe",
+        };
+        match end.outcome {
+            Outcome::Completed => Ok(series.motion),
+            Outcome::Diverged => Err(Stop::Refused(format!(
+                "the loop is unstable: the run {with} diverges: {reason}"
+            ))),
+            _ => Err(Stop::Refused(format!(
+                "the run {with} ends early: {reason}"
+            ))),
         }
     }
+}
 
-    fn finish(self) -> Result<Probed, String> {
-        let phasors = self.tones.iter().map(|(_, fits)| {
-            let mut all = [[(0.0, 0.0); 2]; WINDOWS];
-            for (to, fit) in all.iter_mut().zip(fits) {
-                *to = fit.phasors()?;
+/// Returns tones of equal amplitude, with phases after Schroeder, which keep the peak of their sum low.
+fn tones(excitation: Excitation<'_>) -> Vec<Tone> {
+    let count = excitation.turns.len() as f64;
+    let tones = (excitation.turns.iter().enumerate()).map(|(index, turns)| Tone {
+        turns: *turns,
+        amplitude: excitation.amplitude / count.sqrt(),
+        phase_rad: PI * ((index * index) as f64) / count,
+    });
+    tones.collect()
+}
+
+impl Motion {
+    /// Fits the input and the output of every probe at these tones.
+    pub(super) fn fits(&self, tones: &[u64]) -> Result<Vec<Fitted>, Stop> {
+        let period = self.course.period_steps;
+        let part = |k: u64| libm::sincos(TAU * k as f64 / period as f64);
+        let table: Vec<(f64, f64)> = (0..period).map(part).collect();
+        let fit = |command: usize, turns: u64, window: usize| {
+            let mut fit = SineFit::default();
+            let first = window * period as usize;
+            let of_window = first..first + period as usize;
+            let inputs = self.inputs[command].get(of_window.clone())?;
+            let outputs = match self.excited == Some(command) {
+                true => self.output.get(of_window)?,
+                false => inputs,
+            };
+            let mut place = 0;
+            for (input, output) in inputs.iter().zip(outputs) {
+                let (sin, cos) = table[place as usize];
+                fit.take(sin, cos, [*input, *output]);
+                place = (place + turns) % period;
             }
-            Some(all)
+            fit.phasors()
+        };
+        let all = tones.iter().map(|turns| {
+            let mut fitted = Fitted::default();
+            for (window, to) in fitted.iter_mut().enumerate() {
+                let commands = 0..self.inputs.len();
+                *to = commands
+                    .map(|command| fit(command, *turns, window))
+                    .collect::<Option<_>>()?;
+            }
+            Some(fitted)
         });
-        let phasors: Option<Vec<_>> = phasors.collect();
-        Ok(Probed {
-            phasors: phasors.ok_or("a tone has too few samples in a turn")?,
-            largest: self.largest,
-        })
+        let all: Option<Vec<Fitted>> = all.collect();
+        all.ok_or_else(|| Stop::Refused("a tone has too few samples in a turn".into()))
+    }
+
+    /// Returns by which factor a command's own range of values grows from one window to the next, at least.
+    pub(super) fn growth(&self, command: usize) -> f64 {
+        let windows = self.inputs[command].chunks(self.course.period_steps as usize);
+        let ranges: Vec<f64> = windows
+            .map(|values| {
+                let [low, high] = ends(values);
+                high - low
+            })
+            .collect();
+        let ratios = ranges.windows(2).map(|pair| pair[1] / pair[0]);
+        ratios.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns the value at which a command stands for several steps, if that is its largest or smallest.
+    pub(super) fn clipped(&self, command: usize) -> Option<f64> {
+        const STEPS: usize = 3;
+        let values = &self.inputs[command];
+        let [low, high] = ends(values);
+        let stands = |end: f64| {
+            let mut streaks = values.chunk_by(|a, b| a == b);
+            streaks.any(|streak| streak.len() >= STEPS && streak[0] == end)
+        };
+        [high, low]
+            .into_iter()
+            .find(|end| low < high && stands(*end))
     }
 }
 
-impl RecordSink for Fits {
+/// Returns the smallest and the largest value.
+fn ends(values: &[f64]) -> [f64; 2] {
+    (values.iter()).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [low.min(*value), high.max(*value)]
+    })
+}
+
+/// Sink that keeps the motion of the probes.
+struct Series {
+    layout: RecordLayout,
+    /// Place of each applied command among the values of a record, and the range of its actuator.
+    applied: Vec<(usize, Option<(f64, f64)>)>,
+    motion: Motion,
+}
+
+impl Series {
+    fn new(
+        layout: &RecordLayout,
+        loops: &Loops<'_>,
+        excited: Option<usize>,
+        limits: &[Option<(f64, f64)>],
+    ) -> Self {
+        let [truth, measured, reference, command, ..] = layout.groups().map(<[_]>::len);
+        let first = truth + measured + reference + command;
+        let places = loops.commands.iter().zip(limits).map(|(name, limit)| {
+            let place = (layout.command.iter()).position(|field| field.name == *name);
+            (first + place.unwrap_or_default(), *limit)
+        });
+        let count = loops.commands.len();
+        Self {
+            layout: layout.clone(),
+            applied: places.collect(),
+            motion: Motion {
+                course: loops.course,
+                excited,
+                inputs: vec![Vec::new(); count],
+                output: Vec::new(),
+                largest: vec![0.0; count],
+                limited: vec![0; count],
+            },
+        }
+    }
+}
+
+impl RecordSink for Series {
     fn open(&mut self, _: &RecordLayout) -> Result<(), LinkError> {
         Ok(())
     }
@@ -114,27 +247,29 @@ impl RecordSink for Fits {
 
     fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
         let view = self.layout.view(words);
-        let [.., input, output] = view.values else {
-            return Ok(());
-        };
-        if !input.is_finite() {
+        let (motion, count) = (&mut self.motion, self.applied.len());
+        let (_, cut) = view.values.split_at(view.values.len() - 2 * count);
+        let (inputs, outputs) = cut.split_at(count);
+        if inputs.iter().any(|input| !input.is_finite()) {
             return Ok(()); // the last record has no command
         }
-        self.largest = self.largest.max(input.abs());
-        let Course {
-            first_step,
-            period_steps,
-        } = self.course;
-        let since = view.step.checked_sub(first_step + period_steps);
-        let Some(since) = since else {
+        for (largest, input) in motion.largest.iter_mut().zip(inputs) {
+            *largest = largest.max(input.abs());
+        }
+        let Some(since) = view.step.checked_sub(motion.course.first_step) else {
             return Ok(());
         };
-        let window = (since / period_steps) as usize;
-        for (turns, fits) in &mut self.tones {
-            let (sin, cos) = self.table[(*turns * (since % period_steps) % period_steps) as usize];
-            if let Some(fit) = fits.get_mut(window) {
-                fit.take(sin, cos, [*input, *output]);
+        for (count, (place, limit)) in motion.limited.iter_mut().zip(&self.applied) {
+            let value = view.values[*place];
+            *count += u64::from(limit.is_some_and(|(low, high)| value <= low || value >= high));
+        }
+        if since >= motion.course.period_steps {
+            for (series, input) in motion.inputs.iter_mut().zip(inputs) {
+                series.push(*input);
             }
+            motion
+                .output
+                .extend(motion.excited.map(|place| outputs[place]));
         }
         Ok(())
     }

@@ -6,11 +6,32 @@ use serde::Serialize;
 
 use super::locus::Margins;
 use super::measurement::{Measured, Point};
+use super::together::Together;
 
 /// Margins of all loops.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Report {
     inputs: Vec<Input>,
+    /// Margin of all commands together at each time, if there are several.
+    together: Vec<Joint>,
+}
+
+/// Margin of all loops together, in JSON.
+#[derive(Debug, Serialize)]
+struct Joint {
+    at_s: f64,
+    /// Reason, if the margin was refused; the figures are then null.
+    refused: Option<String>,
+    /// Least singular value of `I + L` after balancing, which the units of the commands do not affect.
+    margin: Option<f64>,
+    margin_interval: Option<[f64; 2]>,
+    frequency_hz: Option<f64>,
+    /// Least singular value of `I + L` in the units of the commands.
+    least_singular_value: Option<f64>,
+    /// Gains between which every command may change at once; null for no limit.
+    gains_db: [Option<f64>; 2],
+    /// Phase by which every command may change at once.
+    phase_deg: Option<f64>,
 }
 
 /// Margins of the loop that is cut at one command.
@@ -32,12 +53,43 @@ pub(super) struct Input {
     disc_hz: Option<f64>,
     /// Frequencies with `|L| = 1`, each with its phase margin in degrees.
     crossovers: Vec<[f64; 2]>,
+    /// Frequencies with a phase of -180 degrees, each with its gain margin in dB.
+    phase_crossovers: Vec<[f64; 2]>,
     /// Least and largest value of each figure among single periods and half the amplitude.
     intervals: Intervals,
     /// Least coherence of all frequencies.
     coherence: Option<f64>,
-    #[serde(skip)]
-    points: Vec<Point>,
+    responses: Vec<Answer>,
+}
+
+/// Response of the open loop at one frequency.
+#[derive(Debug, Serialize)]
+struct Answer {
+    frequency_hz: f64,
+    /// Real and imaginary part of L.
+    l: [f64; 2],
+    gain_db: f64,
+    phase_deg: f64,
+    /// Amplitude at the probe's output in the unit of the command.
+    amplitude: f64,
+    coherence: f64,
+    /// Largest relative change of L among single periods and half the amplitude.
+    change: f64,
+}
+
+impl Answer {
+    fn of(point: &Point) -> Self {
+        let (re, im) = point.l;
+        Self {
+            frequency_hz: point.frequency_hz,
+            l: [re, im],
+            gain_db: 20.0 * libm::log10(libm::hypot(re, im)),
+            phase_deg: libm::atan2(im, re).to_degrees(),
+            amplitude: point.amplitude,
+            coherence: point.coherence,
+            change: point.unsteadiness().max(point.nonlinearity()),
+        }
+    }
 }
 
 #[derive(Debug, Default, Serialize)]
@@ -64,7 +116,7 @@ impl Report {
         command: &str,
         unit: &str,
         at_s: f64,
-        result: Result<Measured, String>,
+        result: Result<&Measured, String>,
     ) {
         let (measured, refused) = match result {
             Ok(measured) => (Some(measured), None),
@@ -91,6 +143,8 @@ impl Report {
             disc_hz: figure(|one| Some(one.disc[0])),
             crossovers: (measured.as_ref())
                 .map_or_else(Vec::new, |one| one.margins.crossovers.clone()),
+            phase_crossovers: (measured.as_ref())
+                .map_or_else(Vec::new, |one| one.margins.phase_crossovers.clone()),
             intervals: Intervals {
                 gain_margin_db: interval(GAIN),
                 phase_margin_deg: interval(PHASE),
@@ -104,30 +158,59 @@ impl Report {
                     .map(|point| point.coherence)
                     .reduce(f64::min)
             }),
-            points: measured.map_or_else(Vec::new, |one| one.points),
+            responses: (measured.iter().flat_map(|one| &one.points))
+                .map(Answer::of)
+                .collect(),
+        });
+    }
+
+    /// Adds the margin of all loops together.
+    pub(super) fn add_together(&mut self, at_s: f64, result: Result<Together, String>) {
+        let (margin, refused) = match result {
+            Ok(margin) => (Some(margin), None),
+            Err(reason) => (None, Some(reason)),
+        };
+        let margin = margin.as_ref();
+        self.together.push(Joint {
+            at_s,
+            refused,
+            margin: margin.map(|one| one.margin),
+            margin_interval: margin.map(|one| one.interval),
+            frequency_hz: margin.map(|one| one.frequency_hz),
+            least_singular_value: margin.map(|one| one.least_singular_value),
+            gains_db: margin.map_or([None; 2], Together::gains_db),
+            phase_deg: margin.map(Together::phase_deg),
         });
     }
 
     /// Returns `true` if no loop was refused.
     pub(super) fn is_complete(&self) -> bool {
-        self.inputs.iter().all(|input| input.refused.is_none())
+        let inputs = self.inputs.iter().map(|input| &input.refused);
+        let mut all = inputs.chain(self.together.iter().map(|joint| &joint.refused));
+        all.all(Option::is_none)
     }
 
     /// Formats the responses of all loops as CSV.
     pub(super) fn csv(&self) -> String {
         let mut text = String::from(
-            "command,at_s,frequency_hz,real,imaginary,gain_db,phase_deg,amplitude,coherence\n",
+            "command,at_s,frequency_hz,real,imaginary,gain_db,phase_deg,amplitude,coherence,change\n",
         );
         for input in &self.inputs {
-            for point in &input.points {
-                let (re, im) = point.l;
-                let gain_db = 20.0 * libm::log10(libm::hypot(re, im));
-                let phase_deg = libm::atan2(im, re).to_degrees();
+            for answer in &input.responses {
+                let Answer {
+                    frequency_hz,
+                    l: [re, im],
+                    gain_db,
+                    phase_deg,
+                    amplitude,
+                    coherence,
+                    change,
+                } = answer;
                 // Writing to a string cannot fail.
                 let _ = writeln!(
                     text,
-                    "{},{},{},{re},{im},{gain_db},{phase_deg},{},{}",
-                    input.command, input.at_s, point.frequency_hz, point.amplitude, point.coherence
+                    "{},{},{frequency_hz},{re},{im},{gain_db},{phase_deg},{amplitude},{coherence},{change}",
+                    input.command, input.at_s
                 );
             }
         }
@@ -140,7 +223,35 @@ impl Report {
         for input in &self.inputs {
             let _ = input.write(&mut text); // writing to a string cannot fail
         }
+        for joint in &self.together {
+            let _ = joint.write(&mut text); // as above
+        }
         text
+    }
+}
+
+impl Joint {
+    fn write(&self, text: &mut String) -> std::fmt::Result {
+        writeln!(text, "all commands together at {} s", self.at_s)?;
+        if let Some(reason) = &self.refused {
+            return writeln!(text, "  refused: {reason}");
+        }
+        let value = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        writeln!(
+            text,
+            "  least singular value of I + L, balanced: {:.5} at {:.5} Hz ({:.5} as the units are)",
+            value(self.margin),
+            value(self.frequency_hz),
+            value(self.least_singular_value)
+        )?;
+        let [least, most] = self.gains_db;
+        let most = most.map_or_else(|| "any gain".into(), |db| format!("{db:.3} dB"));
+        writeln!(
+            text,
+            "  every command at once may change by {:.3} dB to {most}, or by {:.3} deg",
+            value(least),
+            value(self.phase_deg)
+        )
     }
 }
 
@@ -201,7 +312,7 @@ impl Input {
             "  amplitude {:.4} {}, {} frequencies, least coherence {:.6}",
             amplitude.unwrap_or(f64::NAN),
             self.unit,
-            self.points.len(),
+            self.responses.len(),
             coherence.unwrap_or(f64::NAN)
         )
     }

@@ -6,6 +6,8 @@ use hil_console::terminal::exit::Failure;
 const TURNS: f64 = 2.0;
 /// Number of the first frequencies.
 const COUNT: usize = 60;
+/// Longest common period in steps, which limits the memory of a measurement.
+const LONGEST_STEPS: u64 = 2_000_000;
 
 /// Range of frequencies of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +48,12 @@ impl Span {
             return Err(Failure::usage(format!(
                 "--frequencies: from at least 0.001 Hz to at most 0.45 times the rate, {} Hz, and 4 to 1000 of them",
                 0.45 * rate_hz
+            )));
+        }
+        if span.period_steps() > LONGEST_STEPS {
+            return Err(Failure::usage(format!(
+                "--frequencies: from at least {} Hz at this rate",
+                TURNS * rate_hz / LONGEST_STEPS as f64
             )));
         }
         Ok(span)
