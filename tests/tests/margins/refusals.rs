@@ -59,7 +59,7 @@ fn a_loop_whose_own_motion_grows_is_refused() {
     let rig = Rig::new();
     // The closed loop has a growth rate of about 0.04 per second.
     let slow = ["--set", "controller.pid.derivative_n_s_per_m=2.7"];
-    let reasons = ["the loop is unstable", "its own motion grows"];
+    let reasons = ["the loop is unstable, or", "its own motion grows"];
     refused(&rig, SPRING_MASS, &[TWENTY, &slow].concat(), &reasons);
 }
 

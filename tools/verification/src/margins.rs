@@ -27,6 +27,7 @@ use span::Span;
 
 mod locus;
 mod measurement;
+mod point;
 mod probe;
 mod refusal;
 mod report;
@@ -63,7 +64,7 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
     }
     let mut report = Report::default();
     for at_s in points {
-        let point = Point {
+        let point = OperatingPoint {
             rig: &rig,
             plan: &plan,
             commands: &commands,
@@ -93,8 +94,8 @@ struct Command {
     is_chosen: bool,
 }
 
-/// Operating points of a plan.
-struct Point<'a> {
+/// Loops of a plan, to be measured at an operating point.
+struct OperatingPoint<'a> {
     rig: &'a Rig,
     plan: &'a Plan,
     commands: &'a [Command],
@@ -103,7 +104,7 @@ struct Point<'a> {
     interruption: &'a Interruption,
 }
 
-impl Point<'_> {
+impl OperatingPoint<'_> {
     /// Measures the loops from a time on.
     fn measure(&self, at_s: f64, report: &mut Report) -> Result<(), Failure> {
         let names: Vec<String> = self.commands.iter().map(|one| one.name.clone()).collect();

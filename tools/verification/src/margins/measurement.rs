@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::locus::{Margins, Response, margins};
+use super::point::{Point, size};
 use super::probe::{Complex, Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
 use super::refusal;
 use super::span::Span;
@@ -23,22 +24,6 @@ pub(super) struct Measurement<'a> {
     pub(super) span: Span,
 }
 
-/// Measured response at one frequency.
-#[derive(Clone, Debug)]
-pub(super) struct Point {
-    pub(super) frequency_hz: f64,
-    pub(super) l: Complex,
-    /// Response in each window.
-    pub(super) windows: [Complex; WINDOWS],
-    /// Response at half the amplitude.
-    pub(super) half: Complex,
-    /// Amplitude of the response at the probe's output.
-    pub(super) amplitude: f64,
-    pub(super) coherence: f64,
-    /// Amplitude of the loop's own motion, as a share of the response.
-    pub(super) own: f64,
-}
-
 /// Measured loop.
 #[derive(Clone, Debug)]
 pub(super) struct Measured {
@@ -49,19 +34,6 @@ pub(super) struct Measured {
     pub(super) others: Vec<Margins>,
     /// Responses of all probes at the first tones, without the loop's own motion.
     pub(super) first: Vec<Fitted>,
-}
-
-impl Point {
-    /// Returns the largest relative change of L from one window to another.
-    pub(super) fn unsteadiness(&self) -> f64 {
-        let all = self.windows.iter().map(|window| change(*window, self.l));
-        all.fold(0.0, f64::max)
-    }
-
-    /// Returns the relative change of L at half the amplitude.
-    pub(super) fn nonlinearity(&self) -> f64 {
-        change(self.half, self.l)
-    }
 }
 
 impl Measurement<'_> {
@@ -197,14 +169,4 @@ fn locus(points: &BTreeMap<u64, Point>, l: impl Fn(&Point) -> Complex) -> Vec<Re
         l: l(point),
     };
     points.values().map(of).collect()
-}
-
-/// Returns the absolute value.
-pub(super) fn size((re, im): Complex) -> f64 {
-    libm::hypot(re, im)
-}
-
-/// Returns the relative difference of two responses.
-fn change(a: Complex, b: Complex) -> f64 {
-    size((a.0 - b.0, a.1 - b.1)) / size(b)
 }

@@ -1,7 +1,7 @@
 //! Reasons why a response supports no margins.
 
 use super::locus::Margins;
-use super::measurement::{Point, size};
+use super::point::{Point, size};
 
 /// Largest share of the loop's own motion in the response.
 const OWN_MOTION: f64 = 0.1;
@@ -31,7 +31,7 @@ pub(super) fn of(points: &[Point], margins: &Margins, growth: f64) -> Option<Str
     let unsteady = worst(&Point::unsteadiness).filter(|(share, _)| *share > CHANGE);
     if growth > GROWTH && (own.is_some() || unsteady.is_some()) {
         return Some(format!(
-            "the loop is unstable: without the probe, its own motion grows at least {growth:.2}-fold from one period of the measurement to the next"
+            "the loop is unstable, or follows a stimulus: without the probe, its own motion grows at least {growth:.2}-fold from one period of the measurement to the next; choose another --at if it is stable"
         ));
     }
     if let Some((own, hz)) = own {

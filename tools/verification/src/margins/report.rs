@@ -5,7 +5,8 @@ use std::fmt::Write;
 use serde::Serialize;
 
 use super::locus::Margins;
-use super::measurement::{Measured, Point};
+use super::measurement::Measured;
+use super::point::Point;
 use super::together::Together;
 
 /// Margins of all loops.
