@@ -39,6 +39,7 @@
 //! | [`layouts`] | layouts for Foxglove and PlotJuggler plot signals that are recorded |
 //! | [`lies`] | false statements of a peer are detected and end the run by name |
 //! | [`live`] | faults and pauses from another terminal |
+//! | [`margins`] | margins of running loops, against closed forms and python-control |
 //! | [`marks`] | notes at a step of a running session |
 //! | [`monitor`] | a monitored run has the same digest, and the terminal is restored |
 //! | [`mutations`] | the explorer of the lockstep machines detects the removal of any guard |
@@ -140,6 +141,7 @@ mod latency;
 mod layouts;
 mod lies;
 mod live;
+mod margins;
 mod marks;
 mod monitor;
 mod mutations;

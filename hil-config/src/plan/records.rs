@@ -5,7 +5,7 @@ use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
-use super::{Definition, DerivedSource, Plan, Stimulus, driven};
+use super::{Definition, DerivedSource, Plan, Stimulus, cut_fields, driven};
 use crate::expression::Columns;
 use crate::table::Table;
 
@@ -80,6 +80,7 @@ impl Plan {
         RecordLayout {
             sensor,
             actuator,
+            cut: cut_fields(&plant.commands, &self.probes),
             ..RecordLayout::of(plant, self.reference(), &command).with_inputs(driven(&self.stimuli))
         }
     }

@@ -39,8 +39,9 @@ fn the_base_has_the_documented_meaning() {
         plots,
         panel,
         programs,
+        probes,
     } = plan(BASE);
-    assert!(analyses.is_empty() && changes.is_empty());
+    assert!(analyses.is_empty() && changes.is_empty() && probes.is_empty());
     assert!(sensors.is_empty() && actuators.is_empty() && bus.is_none());
     assert_eq!(programs, Programs::default());
     let expected = Requirement {

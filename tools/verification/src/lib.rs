@@ -10,6 +10,7 @@ pub mod baseline;
 pub mod compare;
 pub mod evidence;
 pub mod judge;
+pub mod margins;
 pub mod repetition;
 pub mod replay;
 pub mod rerun;
