@@ -8,7 +8,10 @@ mod chirp;
 mod detection;
 mod frequency_response;
 mod low_end;
+mod sine_fit;
 mod step_response;
+
+pub use sine_fit::SineFit;
 
 use shared_types::time::{Rate, Step};
 

@@ -377,6 +377,7 @@ fn parts(
         plots,
         panel,
         programs,
+        probes: Vec::new(),
     };
     plan.tap_named(plant?);
     Some(plan)

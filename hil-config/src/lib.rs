@@ -29,6 +29,8 @@ mod reader;
 mod source;
 mod title;
 
+pub use analysis::SineFit;
+
 pub mod bus;
 pub mod condition;
 pub mod evaluation;

@@ -11,6 +11,7 @@ mod fault;
 mod input;
 mod instrument;
 mod plot;
+mod probe;
 mod records;
 mod requirement;
 mod stimulus;
@@ -45,7 +46,8 @@ pub(crate) use input::PLANT_TARGET;
 pub use input::driven;
 pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
-pub use requirement::Requirement;
+pub use probe::{Probe, Tone, cut_fields};
+pub use requirement::{Requirement, Trace};
 pub use stimulus::{INPUT_KEYS, Stimulus};
 pub use taps::{tap_fields, taps_of};
 
@@ -90,6 +92,8 @@ pub struct Plan {
     pub panel: Panel,
     /// Programs named by the scenario.
     pub programs: Programs,
+    /// Probes that cut the loop, added by a measurement and never by a scenario.
+    pub probes: Vec<Probe>,
 }
 
 impl Plan {

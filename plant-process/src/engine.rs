@@ -28,6 +28,7 @@ use crate::inputs::InputRow;
 use crate::instruments::Instruments;
 use crate::job::Job;
 use crate::plant::{Model, PlantKind};
+use crate::probe::Probes;
 use crate::request_queue::RequestQueue;
 use crate::rows::Rows;
 use crate::tuning::Tuning;
@@ -98,6 +99,7 @@ struct Plant {
     instruments: Instruments,
     builder: Arc<FaultBuilder>,
     faults: FaultLayer,
+    probes: Probes,
     tuning: Tuning,
     guards: Guards,
 }
@@ -162,6 +164,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             guards: Guards::new(&description, &job.plant.limits)?,
             instruments: Instruments::new(&description, &job)?,
             faults: FaultLayer::new(&builder, &job.faults)?.with_bus(bus),
+            probes: Probes::new(&description, &job.probes)?,
             tuning: Tuning::new(
                 job.run.rate,
                 &description.parameters,

@@ -1,7 +1,8 @@
 //! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
 use hil_config::plan::{
-    BusPlan, Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus, tap_fields,
+    BusPlan, Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Probe, Run, Stimulus,
+    tap_fields,
 };
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
@@ -36,6 +37,9 @@ pub struct Job {
     /// Bus in simulation.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bus: Option<BusPlan>,
+    /// Probes that cut the loop.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub probes: Vec<Probe>,
     /// Faults of the scenario.
     pub faults: Vec<FaultEvent>,
     /// Changes of values of the scenario.
@@ -95,6 +99,7 @@ impl Job {
             sensors: Vec::new(),
             actuators: Vec::new(),
             bus: None,
+            probes: Vec::new(),
             faults: Vec::new(),
             changes: Vec::new(),
             derived: Vec::new(),
@@ -120,6 +125,7 @@ impl Job {
             sensors: plan.sensors.clone(),
             actuators: plan.actuators.clone(),
             bus: plan.bus.clone(),
+            probes: plan.probes.clone(),
             faults: plan.faults.clone(),
             changes: plan.changes.clone(),
             derived: plan.definitions(),

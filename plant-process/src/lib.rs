@@ -30,6 +30,7 @@ pub mod job;
 pub mod live;
 pub mod models;
 pub mod plant;
+pub(crate) mod probe;
 pub mod program;
 pub mod repeat;
 pub mod request_queue;

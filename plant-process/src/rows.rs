@@ -44,6 +44,8 @@ pub struct Rows {
     pub sensor: Vec<f64>,
     /// Recorded inputs of actuators and of their stages.
     pub actuator: Vec<f64>,
+    /// Inputs, then outputs of the probes.
+    pub cut: Vec<f64>,
     /// Invalid signals of the sample sent last.
     pub invalid: SignalSet,
     /// Latest accepted frame of the controller: its commands, then its internals.
@@ -89,6 +91,7 @@ impl Rows {
             parameter: vec![0.0; layout.parameter.len()],
             sensor: vec![0.0; layout.sensor.len()],
             actuator: vec![0.0; layout.actuator.len()],
+            cut: vec![0.0; layout.cut.len()],
             invalid: SignalSet::EMPTY,
             frame: vec![0.0; welcome.command.len()],
             command: vec![0.0; layout.command.len()],
@@ -239,6 +242,7 @@ impl Rows {
         words.values(&self.parameter);
         words.values(&self.sensor);
         words.values(&self.actuator);
+        words.values(&self.cut);
         words.timing(timing);
     }
 
@@ -257,7 +261,7 @@ impl Rows {
         words.values(&self.sent_stimulus[..self.layout.reference.len()]);
         words.values(&self.parameter);
         words.values(&self.sensor);
-        words.fill(f64::NAN.to_bits(), self.actuator.len());
+        words.fill(f64::NAN.to_bits(), self.actuator.len() + self.cut.len());
         words.timing(timing);
     }
 }

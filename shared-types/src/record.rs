@@ -11,7 +11,7 @@
 //! | one for each 64 command signals, at least 1 | invalid bits of commands, as received by the plant, and of internals |
 //! | truth, measured, reference, command, applied, internal, input | `f64` each |
 //! | sensed, stimulus, parameter | `f64` each, outside the digest |
-//! | sensor, actuator | `f64` each, outside the digest; on request |
+//! | sensor, actuator, cut | `f64` each, outside the digest; on request |
 //! | 14 | [`Timing`], outside the digest |
 //!
 //! `measured` and `reference` are the values that the controller received, including faults of signals and link;
@@ -43,7 +43,7 @@ pub const RECORD_VERSION: u32 = 4;
 
 /// Signal groups of a record, in order; also the prefixes in expressions. The digest covers the first
 /// [`HASHED_GROUPS`].
-pub const GROUPS: [&str; 12] = [
+pub const GROUPS: [&str; 13] = [
     "truth",
     "measured",
     "reference",
@@ -56,6 +56,7 @@ pub const GROUPS: [&str; 12] = [
     "parameter",
     "sensor",
     "actuator",
+    "cut",
 ];
 
 /// Number of signal groups that the digest covers; the other groups follow from them and the scenario, and show the
@@ -66,7 +67,7 @@ pub const HASHED_GROUPS: usize = 7;
 #[must_use]
 pub fn is_on_request(name: &str) -> bool {
     let group = name.split_once('.').map_or(name, |(group, _)| group);
-    matches!(group, "sensor" | "actuator")
+    matches!(group, "sensor" | "actuator" | "cut")
 }
 
 /// Layout of a record: its signals.
@@ -98,6 +99,9 @@ pub struct RecordLayout {
     /// Requested inputs of actuators and of their stages.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actuator: Vec<Field>,
+    /// Inputs, then outputs of probes, `in.x` and `out.x`; only where a probe cuts the loop.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub cut: Vec<Field>,
 }
 
 /// Measured time and bookkeeping of one step; not part of the digest.
@@ -189,6 +193,7 @@ impl RecordLayout {
                 .collect(),
             sensor: Vec::new(),
             actuator: Vec::new(),
+            cut: Vec::new(),
         }
     }
 
@@ -212,6 +217,7 @@ impl RecordLayout {
             ("parameter", &other.parameter, &self.parameter),
             ("sensor", &other.sensor, &self.sensor),
             ("actuator", &other.actuator, &self.actuator),
+            ("cut", &other.cut, &self.cut),
         ];
         let mut differences =
             (both.into_iter()).filter_map(|(what, other, ours)| difference(what, other, ours));
@@ -247,6 +253,7 @@ impl RecordLayout {
             &self.parameter,
             &self.sensor,
             &self.actuator,
+            &self.cut,
         ]
     }
 
@@ -416,6 +423,7 @@ mod tests {
             parameter: fields(4),
             sensor: fields(2),
             actuator: fields(1),
+            cut: Vec::new(),
         }
     }
 

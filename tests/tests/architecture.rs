@@ -211,6 +211,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 22] = [
             "hil-target",
             "hil-campaign",
             "hil-foreign",
+            "hil-port",
         ],
     ),
 ];

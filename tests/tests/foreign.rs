@@ -22,7 +22,7 @@ use crate::support::python::succeeds;
 use deeds::{deed, misbehaving};
 
 const PENDULUM: &str = "examples/own-plant/pendulum.toml";
-const CLEAN: &[&str] = &[];
+pub(crate) const CLEAN: &[&str] = &[];
 const SANITIZED: &[&str] = &[
     "-g",
     "-fsanitize=address,undefined",
@@ -30,7 +30,7 @@ const SANITIZED: &[&str] = &[
 ];
 
 /// Returns `true` if a tool is installed; otherwise the test is reported as skipped.
-fn has(tool: &str) -> bool {
+pub(crate) fn has(tool: &str) -> bool {
     let is_there = works(&[tool, "--version"]);
     if !is_there {
         skip(&format!("there is no `{tool}`"), "HIL_TEST_CC");
@@ -44,7 +44,13 @@ fn library() -> PathBuf {
 }
 
 /// Compiles a C or C++ program with every warning as an error.
-fn compiled(rig: &Rig, compiler: &str, source: &str, name: &str, options: &[&str]) -> PathBuf {
+pub(crate) fn compiled(
+    rig: &Rig,
+    compiler: &str,
+    source: &str,
+    name: &str,
+    options: &[&str],
+) -> PathBuf {
     let built = rig.path(name);
     let mut command = Command::new(compiler);
     command.args([

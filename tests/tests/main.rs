@@ -39,6 +39,7 @@
 //! | [`layouts`] | layouts for Foxglove and PlotJuggler plot signals that are recorded |
 //! | [`lies`] | false statements of a peer are detected and end the run by name |
 //! | [`live`] | faults and pauses from another terminal |
+//! | [`margins`] | margins of running loops, against closed forms and python-control |
 //! | [`marks`] | notes at a step of a running session |
 //! | [`monitor`] | a monitored run has the same digest, and the terminal is restored |
 //! | [`mutations`] | the explorer of the lockstep machines detects the removal of any guard |
@@ -94,6 +95,7 @@
 //! | `HIL_TEST_STRACE=1` | `strace` |
 //! | `HIL_TEST_TCPDUMP=1` | `tcpdump`, `python3` and a user who may make network namespaces |
 //! | `HIL_TEST_UNSHARE=1` | a user who may mount file systems |
+//! | `HIL_TEST_VCAN=1` | a CAN interface `vcan0` of the kernel |
 //!
 //! `HIL_WRITE_BOOK=1` regenerates the references of the book. `HIL_TEST_PAGE=docs/faults` runs the commands of the pages
 //! whose path contains that text, and of no others.
@@ -117,6 +119,7 @@ mod determinism;
 mod doctor;
 #[path = "../shared/every_fault.rs"]
 mod every_fault;
+mod evidence;
 mod examples;
 mod excerpts;
 mod export;
@@ -138,6 +141,7 @@ mod latency;
 mod layouts;
 mod lies;
 mod live;
+mod margins;
 mod marks;
 mod monitor;
 mod mutations;

@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI};
 use super::Figure;
 use super::chirp::Chirp;
 use super::low_end::LowEnd;
+use super::sine_fit::SineFit;
 use crate::plan::FrequencyResponsePlan;
 
 /// Ratio of the last to the first frequency of a point, if a whole number of turns allows it.
@@ -34,26 +35,12 @@ pub(super) struct FrequencyResponse {
     at: usize,
 }
 
-/// Sums of the fits over one point's turns.
+/// Fit over the turns of one point.
 #[derive(Clone, Debug, Default)]
 struct Point {
     /// First and last turn.
     turns: [f64; 2],
-    rows: f64,
-    sin: f64,
-    cos: f64,
-    sin_sin: f64,
-    sin_cos: f64,
-    cos_cos: f64,
-    input: Sums,
-    output: Sums,
-}
-
-#[derive(Clone, Debug, Default)]
-struct Sums {
-    value: f64,
-    value_sin: f64,
-    value_cos: f64,
+    fit: SineFit,
 }
 
 /// Response at a frequency.
@@ -109,7 +96,7 @@ impl FrequencyResponse {
             self.at += 1;
         }
         if let Some(point) = self.points.get_mut(self.at) {
-            point.take(sin, cos, input, output);
+            point.fit.take(sin, cos, [input, output]);
         }
     }
 
@@ -121,7 +108,7 @@ impl FrequencyResponse {
             phase_rad: libm::atan2(imaginary, real),
         });
         let points = self.points.iter().filter_map(|point| {
-            let (gain, phase_rad) = point.response()?;
+            let (gain, phase_rad) = point.fit.response()?;
             let [from, until] = point.turns;
             Some(Response {
                 frequency_hz: self.chirp.mean_frequency_hz(from, until),
@@ -208,52 +195,6 @@ fn peak(responses: &[Response]) -> (f64, f64) {
         (gain + 0.5 * c * x, frequency_hz + x)
     } else {
         (gain, frequency_hz)
-    }
-}
-
-impl Point {
-    fn take(&mut self, sin: f64, cos: f64, input: f64, output: f64) {
-        self.rows += 1.0;
-        self.sin += sin;
-        self.cos += cos;
-        self.sin_sin += sin * sin;
-        self.sin_cos += sin * cos;
-        self.cos_cos += cos * cos;
-        for (sums, value) in [(&mut self.input, input), (&mut self.output, output)] {
-            sums.value += value;
-            sums.value_sin += value * sin;
-            sums.value_cos += value * cos;
-        }
-    }
-
-    /// Returns gain and phase; `None` if there were too few samples to fit.
-    fn response(&self) -> Option<(f64, f64)> {
-        let (a, b) = self.fit(&self.input)?;
-        let (c, d) = self.fit(&self.output)?;
-        let square = a * a + b * b;
-        // (c + j d) / (a + j b)
-        let (real, imaginary) = ((c * a + d * b) / square, (d * a - c * b) / square);
-        let gain = libm::hypot(real, imaginary);
-        (square > 0.0 && gain.is_finite()).then(|| (gain, libm::atan2(imaginary, real)))
-    }
-
-    /// Returns a and b of `a sin + b cos + c`, by the normal equations with means removed.
-    fn fit(&self, sums: &Sums) -> Option<(f64, f64)> {
-        let n = self.rows;
-        let without_mean = |products: f64, one: f64, other: f64| products - one * other / n;
-        let ss = without_mean(self.sin_sin, self.sin, self.sin);
-        let sc = without_mean(self.sin_cos, self.sin, self.cos);
-        let cc = without_mean(self.cos_cos, self.cos, self.cos);
-        let vs = without_mean(sums.value_sin, sums.value, self.sin);
-        let vc = without_mean(sums.value_cos, sums.value, self.cos);
-        let determinant = ss * cc - sc * sc;
-        // Far from singular for the eight samples or more of a turn.
-        (n >= 4.0 && determinant > 1e-6 * n * n).then(|| {
-            (
-                (vs * cc - vc * sc) / determinant,
-                (vc * ss - vs * sc) / determinant,
-            )
-        })
     }
 }
 

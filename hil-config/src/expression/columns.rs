@@ -35,13 +35,15 @@ pub enum Group {
     Sensor,
     /// Inputs of actuators and of their stages, `actuator.x`.
     Actuator,
+    /// Inputs and outputs of probes that cut the loop, `cut.in.x` and `cut.out.x`.
+    Cut,
     /// Value derived from other signals, `x`.
     Derived,
 }
 
 impl Group {
     /// Every group, in record order.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 14] = [
         Self::Truth,
         Self::Measured,
         Self::Reference,
@@ -54,6 +56,7 @@ impl Group {
         Self::Parameter,
         Self::Sensor,
         Self::Actuator,
+        Self::Cut,
         Self::Derived,
     ];
 
@@ -73,6 +76,7 @@ impl Group {
             Self::Parameter => "parameter",
             Self::Sensor => "sensor",
             Self::Actuator => "actuator",
+            Self::Cut => "cut",
             Self::Derived => "",
         }
     }

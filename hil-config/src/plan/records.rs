@@ -5,7 +5,7 @@ use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::record::RecordLayout;
 use shared_types::table::Field;
 
-use super::{Definition, DerivedSource, Plan, Stimulus, driven};
+use super::{Definition, DerivedSource, Plan, Stimulus, cut_fields, driven};
 use crate::expression::Columns;
 use crate::table::Table;
 
@@ -71,7 +71,7 @@ impl Plan {
         }
     }
 
-    /// Returns the record layout of a run of its plant and its law, both as seen on the wire.
+    /// Returns the record layout of a run of this plan with this plant and law, both as seen on the wire.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))
@@ -80,6 +80,7 @@ impl Plan {
         RecordLayout {
             sensor,
             actuator,
+            cut: cut_fields(&plant.commands, &self.probes),
             ..RecordLayout::of(plant, self.reference(), &command).with_inputs(driven(&self.stimuli))
         }
     }

@@ -150,6 +150,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             command,
             &mut rows.applied,
         );
+        (plant.probes).cut(step, &mut rows.applied, &mut rows.cut);
         if let Err(bad) = plant
             .instruments
             .actuate(step, &mut rows.applied, &mut rows.actuator)

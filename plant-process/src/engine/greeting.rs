@@ -1,6 +1,6 @@
 //! Before the first step: agreement with a controller on the content of the frames.
 
-use hil_config::plan::driven;
+use hil_config::plan::{cut_fields, driven};
 use shared_types::describe::Invalid;
 use shared_types::hello::{Control, Welcome};
 use shared_types::link::{FrameSpec, Link, LinkError};
@@ -60,6 +60,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let layout = RecordLayout {
             sensor,
             actuator,
+            cut: cut_fields(&description.commands, &self.job.probes),
             ..RecordLayout::of(description, reference.clone(), &welcome.command)
                 .with_inputs(driven(&self.job.stimuli))
         };

@@ -15,6 +15,7 @@
 //!   commit) what a run without instruments costs;
 //! - `requirements`: what twenty requirements cost;
 //! - `monitor`: what `hil monitor` in a terminal costs the run that it watches;
+//! - `margins`: how long `hil margins` takes, in one process and in two;
 //! - `many`: what each of very many short runs costs, and whether the thousandth costs more than the first.
 //!
 //! Compared variants are measured in turns. There is no time limit on any number; how much of the
@@ -30,6 +31,7 @@ mod faults;
 mod idle;
 mod instruments;
 mod many;
+mod margins;
 #[path = "../shared/measure.rs"]
 mod measure;
 mod monitor;
@@ -61,7 +63,7 @@ fn main() -> ExitCode {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
         let names = null::Names::given();
-        let tables: [(&str, &dyn Fn()); 10] = [
+        let tables: [(&str, &dyn Fn()); 11] = [
             ("runs", &|| runs::compare(&programs)),
             ("steps", &steps::compare),
             ("costs", &|| costs::compare(&programs, &names)),
@@ -72,6 +74,7 @@ fn main() -> ExitCode {
             ("requirements", &|| requirements::compare(&programs)),
             ("monitor", &|| monitor::compare(&programs)),
             ("many", &|| many::compare(&programs)),
+            ("margins", &|| margins::compare(&programs)),
         ];
         let wanted: Vec<String> = (std::env::args().skip(1))
             .filter(|argument| !argument.starts_with('-'))

@@ -47,6 +47,7 @@ impl Tape {
             parameter: fields("parameter"),
             sensor: fields("sensor"),
             actuator: fields("actuator"),
+            cut: Vec::new(),
             command_signals: 0,
             command_places: Vec::new(),
         };

@@ -82,6 +82,7 @@ fn layout() -> RecordLayout {
         parameter: faultable.cloned().collect(),
         sensor: Vec::new(),
         actuator: Vec::new(),
+        cut: Vec::new(),
     }
 }
 

@@ -1,13 +1,13 @@
 //! The law `pid` on the same mass in millimetres and kilonewtons as an FMU, as a plant in C and as one in Rust: one
 //! digest, in every mode of running it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::{CLEAN, compiled, has};
 use crate::connect::{RUN, SLIDER};
 use crate::support::board::Board;
 use crate::support::fmus::{slider, write};
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, text};
 use crate::support::programs::program_of_tests;
 
 /// Returns the scenario of [`connect`](crate::connect), integrated in whole steps like the FMU.
@@ -25,7 +25,7 @@ fn plants(rig: &Rig) -> [PathBuf; 2] {
     [fmu, in_c]
 }
 
-fn run(rig: &Rig, plant: &std::path::Path, more: &str) -> Run {
+fn run(rig: &Rig, plant: &Path, more: &str) -> Run {
     let scenario = rig.write("connected.toml", &scenario());
     let (scenario, plant) = (scenario.display(), plant.display());
     rig.run(&format!("{scenario} --plant-bin {plant} {more}"))
@@ -143,5 +143,26 @@ fn campaign_cases_have_the_digests_of_connected_runs() {
             );
         }
         std::fs::remove_dir_all(folder).expect("ours");
+    }
+}
+
+#[test]
+fn margins_are_the_same_on_an_fmu_in_c_and_in_rust() {
+    if !has("cc") {
+        return;
+    }
+    let rig = Rig::new();
+    let path = rig.write("connected.toml", &scenario());
+    let margins = |plant: &Path| {
+        let probe = ["--frequencies", "0.5..100/20", "--json"];
+        let programs = ["--plant-bin", text(plant)];
+        let command = ["margins", text(&path)];
+        let run = rig.hil(&[&command[..], &programs, &probe].concat());
+        run.expect(0).json()
+    };
+    let in_rust = margins(&program_of_tests("foreign-plant"));
+    assert_eq!(in_rust["inputs"][0]["unit"], "kN");
+    for plant in plants(&rig) {
+        assert_eq!(margins(&plant), in_rust, "{}", plant.display());
     }
 }

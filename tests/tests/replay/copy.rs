@@ -45,6 +45,7 @@ impl Copy {
             parameter: fields("parameter"),
             sensor: fields("sensor"),
             actuator: fields("actuator"),
+            cut: Vec::new(),
         };
         let columns = reader
             .columns()

@@ -196,6 +196,7 @@ mod tests {
             parameter: Vec::new(),
             sensor: Vec::new(),
             actuator: Vec::new(),
+            cut: Vec::new(),
         };
         let mut words = vec![0; layout.words()];
         words[called_place(&layout)] = 1.5_f64.to_bits();

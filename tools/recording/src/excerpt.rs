@@ -337,6 +337,7 @@ mod tests {
             parameter: Vec::new(),
             sensor: Vec::new(),
             actuator: Vec::new(),
+            cut: Vec::new(),
         }
     }
 
@@ -414,7 +415,7 @@ mod tests {
         assert_eq!((sample_words, command_words), (1, 1));
         assert_eq!(
             groups.map(<[Field]>::len),
-            [0, 10, 1, 1, 0, 1, 0, 0, 0, 0, 0, 0]
+            [0, 10, 1, 1, 0, 1, 0, 0, 0, 0, 0, 0, 0]
         );
         let (_, row) = excerpt.next(false).expect("a row");
         // Measured 60 to 69 and reference 1; command 1 and internal 0.

@@ -16,7 +16,8 @@ use hil_in_process::{FAULTS, LAWS, PLANTS, Turns, check_controller, check_plant}
 use hil_session::waiter::Waiter;
 use plant_process::job::Job as PlantJob;
 use shared_types::describe::Description;
-use shared_types::record::{Outcome, RecordLayout};
+use shared_types::record::{Outcome, RecordLayout, RunEnd};
+use shared_types::stream::RecordSink;
 use shared_types::wait::{WaitLimit, WaitStrategy};
 
 use super::jobs;
@@ -90,10 +91,8 @@ pub fn run(
     let (plant, controller, layout) = jobs_of(plan, described)?;
     let mut recorder = DirectRecorder::new(plan.clone(), layout, grid);
     let has_failed = recorder.failure();
-    let turns = Turns::new(plant, controller, &mut recorder).map_err(Failure::usage)?;
-    let limit = WaitLimit::from_seconds(f64::INFINITY);
-    let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
-    let ran = turns.run(waiter, &|| interruption.came() || has_failed());
+    let wants_stop = || interruption.came() || has_failed();
+    let ran = turn(plant, controller, &mut recorder, &wants_stop)?;
     let recorded = recorder.finish();
     interruption.check()?;
     let end = ran.map_err(Failure::infrastructure)?;
@@ -102,4 +101,35 @@ pub fn run(
         None => (end.outcome, end.reason),
     };
     Ok(EndedRun::new(recorded, outcome, reason))
+}
+
+/// Executes a plan checked against the [built-in](built_in) descriptions; its records go to the sink that `sink`
+/// creates for their layout, and nothing judges them.
+///
+/// # Errors
+/// If a side refuses its job, or the run was interrupted.
+pub fn observe<S: RecordSink>(
+    plan: &Plan,
+    described: &[Description; 2],
+    sink: impl FnOnce(&RecordLayout) -> S,
+    interruption: &Interruption,
+) -> Result<(RunEnd, S), Failure> {
+    let (plant, controller, layout) = jobs_of(plan, described)?;
+    let mut sink = sink(&layout);
+    let ran = turn(plant, controller, &mut sink, &|| interruption.came())?;
+    interruption.check()?;
+    Ok((ran.map_err(Failure::infrastructure)?, sink))
+}
+
+/// Runs both sides in turns; the inner error is that of a side that failed.
+fn turn(
+    plant: PlantJob,
+    controller: ControllerJob,
+    sink: &mut dyn RecordSink,
+    wants_stop: &dyn Fn() -> bool,
+) -> Result<Result<RunEnd, String>, Failure> {
+    let turns = Turns::new(plant, controller, sink).map_err(Failure::usage)?;
+    let limit = WaitLimit::from_seconds(f64::INFINITY);
+    let waiter = Waiter::with(limit, WaitStrategy::Hybrid, true);
+    Ok(turns.run(waiter, wants_stop))
 }

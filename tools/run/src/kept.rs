@@ -3,6 +3,7 @@
 //! Used for large numbers of short runs of user programs whose start would take longer than the run. Writes no run
 //! folder and accepts no live requests. A pair left in disorder by a run is ended; the next run starts a new pair.
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use hil_config::plan::Plan;
@@ -15,10 +16,11 @@ use hil_facts::results::ended::EndedRun;
 use hil_session::session::{Session, SessionInfo};
 use hil_session::stream::IceoryxSource;
 use hil_session::supervision::NEXT;
-use shared_types::record::{Outcome, RecordLayout};
+use shared_types::record::{Event, Outcome, RecordLayout, RunEnd};
+use shared_types::stream::{Item, RecordSink};
 
 use super::attach::attach;
-use super::recorder::direct::take_run;
+use super::recorder::direct::{drain, take_run};
 use super::settings::Settings;
 use super::side::{LOOK, SideProcess};
 use super::{jobs, tables};
@@ -76,6 +78,39 @@ impl Kept {
         grid: Option<Arc<Grid>>,
         interruption: &Interruption,
     ) -> Result<(EndedRun, bool), Failure> {
+        self.with_pair(plan, binaries, interruption, |pair| {
+            pair.take_run(plan, grid.clone(), interruption)
+        })
+    }
+
+    /// Executes a plan in an existing or a new pair; its records go to the sink that `sink` creates for their layout,
+    /// and nothing judges them.
+    ///
+    /// # Errors
+    /// If a side died, refused its job or was late, or the run was interrupted.
+    pub fn observe<S: RecordSink>(
+        &mut self,
+        plan: &Plan,
+        binaries: &Binaries,
+        sink: impl Fn(&RecordLayout) -> S,
+        interruption: &Interruption,
+    ) -> Result<(RunEnd, S), Failure> {
+        let (ended, _) = self.with_pair(plan, binaries, interruption, |pair| {
+            let sink = sink(&pair.layout);
+            pair.observe(sink, interruption)
+        })?;
+        Ok(ended)
+    }
+
+    /// Has an existing or a new pair begin a run, which `take` observes to its end; also returns whether the run should
+    /// be repeated.
+    fn with_pair<T>(
+        &mut self,
+        plan: &Plan,
+        binaries: &Binaries,
+        interruption: &Interruption,
+        take: impl Fn(&mut Pair) -> Result<T, Failure>,
+    ) -> Result<(T, bool), Failure> {
         let layout = binaries.record_layout(plan)?;
         let mut pair = match self.take(&layout) {
             Some(mut pair) => {
@@ -95,7 +130,7 @@ impl Kept {
             }
             None => Pair::start(plan, binaries, layout.clone(), &self.settings, interruption)?,
         };
-        let mut ended = pair.take_run(plan, grid.clone(), interruption);
+        let mut ended = take(&mut pair);
         if let Err(Failure::Infrastructure(cause)) = &ended
             && pair.runs > 0
             && !pair.has_begun
@@ -105,7 +140,7 @@ impl Kept {
             tell!("between two runs: {cause}; starting another pair");
             drop(pair);
             pair = Pair::start(plan, binaries, layout, &self.settings, interruption)?;
-            ended = pair.take_run(plan, grid, interruption);
+            ended = take(&mut pair);
         }
         let ended = match ended {
             Err(Failure::Infrastructure(cause)) => {
@@ -249,6 +284,73 @@ impl Pair {
                 let cause = error.clone().or_else(|| end.and_then(|end| end.reason));
                 Err(disorder(cause, [plant, controller]))
             }
+        }
+    }
+
+    /// Passes the records of the run that both sides were told to begin to a sink.
+    fn observe<S: RecordSink>(
+        &mut self,
+        sink: S,
+        interruption: &Interruption,
+    ) -> Result<(RunEnd, S), Failure> {
+        let Self {
+            source,
+            plant,
+            controller,
+            has_begun,
+            ..
+        } = self;
+        let mut observed = Observed {
+            sink,
+            end: None,
+            error: None,
+        };
+        let begun = Cell::new(false);
+        let take = |observed: &mut Observed<S>, item: Result<Item<'_>, String>| {
+            begun.set(begun.get() || matches!(item, Ok(Item::Record(_))));
+            observed.take(item);
+        };
+        let has_ended = |one: &Observed<S>| one.end.is_some() || one.error.is_some();
+        drain(source, &mut observed, take, has_ended, || {
+            interruption.came() || plant.has_ended() || controller.has_ended()
+        });
+        *has_begun = begun.get();
+        interruption.check()?;
+        match (observed.error, observed.end) {
+            (None, Some(end)) if matches!(end.outcome, Outcome::Completed | Outcome::Diverged) => {
+                Ok((end, observed.sink))
+            }
+            (error, end) => {
+                let cause = error.or_else(|| end.and_then(|end| end.reason));
+                Err(disorder(cause, [plant, controller]))
+            }
+        }
+    }
+}
+
+/// Sink of an observed run, with the end of the run.
+struct Observed<S> {
+    sink: S,
+    end: Option<RunEnd>,
+    error: Option<String>,
+}
+
+impl<S: RecordSink> Observed<S> {
+    fn take(&mut self, item: Result<Item<'_>, String>) {
+        let passed = match item {
+            Ok(Item::Record(words)) => self.sink.record(words).map_err(|e| e.to_string()),
+            Ok(Item::Event(event)) => {
+                let passed = self.sink.event(&event).map_err(|e| e.to_string());
+                if let Event::End(end) = event {
+                    self.end = Some(end);
+                }
+                passed
+            }
+            Ok(Item::Lost(count)) => Err(format!("{count} records were lost")),
+            Ok(Item::Broken(reason)) | Err(reason) => Err(reason),
+        };
+        if let Err(error) = passed {
+            self.error.get_or_insert(error);
         }
     }
 }

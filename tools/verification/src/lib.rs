@@ -8,7 +8,9 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 pub mod arguments;
 pub mod baseline;
 pub mod compare;
+pub mod evidence;
 pub mod judge;
+pub mod margins;
 pub mod repetition;
 pub mod replay;
 pub mod rerun;

@@ -24,6 +24,7 @@ use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
 use hil_facts::arguments::mark::{self, MarkArguments};
 use hil_facts::arguments::set::{self, SetArguments};
+use hil_verification::arguments::margins::MarginsArguments;
 use hil_verification::arguments::recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use hil_verification::arguments::replay::ReplayArguments;
 use hil_verification::arguments::run::{RerunArguments, RunArguments};
@@ -94,6 +95,9 @@ pub enum Command {
     Panel(PanelArguments),
     /// Change the controller of a running session
     Controller(ControllerArguments),
+    /// Measure gain, phase, delay and disc margins of the running loop
+    #[command(after_help = hil_verification::arguments::margins::EXAMPLES)]
+    Margins(MarginsArguments),
     /// Run many cases of a scenario: check, plan, run, submit, show
     #[command(after_help = hil_campaign::arguments::EXAMPLES)]
     Campaign(CampaignCommand),
@@ -181,7 +185,9 @@ The line for the startup file of a shell:
 const GROUPS: [(&str, &[&str]); 4] = [
     (
         "Run",
-        &["run", "new", "describe", "campaign", "config", "rerun"],
+        &[
+            "run", "new", "describe", "campaign", "margins", "config", "rerun",
+        ],
     ),
     (
         "While a session runs",

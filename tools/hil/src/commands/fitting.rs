@@ -30,6 +30,7 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             let paths = arguments.scenarios.iter().map(PathBuf::as_path);
             (paths.collect(), &[Scenario])
         }
+        Command::Margins(arguments) => (vec![arguments.scenario.as_path()], &[Scenario]),
         Command::Config(arguments) => match &arguments.action {
             ConfigAction::Check(it) => (vec![it.scenario.as_path()], &[Scenario]),
             ConfigAction::Show(it) => (vec![it.scenario.scenario.as_path()], &[Scenario]),
@@ -71,7 +72,14 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
         Command::Judge(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Replay(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Rerun(arguments) => (vec![arguments.run.as_path()], &[Recording]),
-        Command::Export(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Export(arguments) => {
+            let paths = arguments.runs.iter().map(PathBuf::as_path);
+            let kinds: &[FileKind] = match arguments.evidence {
+                Some(_) => &[Recording, FileKind::Summary],
+                None => &[Recording],
+            };
+            (paths.collect(), kinds)
+        }
         _ => return Ok(()),
     };
     for path in paths {

@@ -22,7 +22,7 @@ use hil_console::terminal::{advice, interruption, output};
 use hil_facts::session::{clock, inject, mark, set};
 use hil_session::session;
 use hil_verification::arguments::recordings::ScenarioAction;
-use hil_verification::{baseline, compare, judge, repetition, replay, rerun, suite};
+use hil_verification::{baseline, compare, judge, margins, repetition, replay, rerun, suite};
 use hil_views::{export, layout, monitor, panel, report, values};
 use shared_types::live::Request;
 
@@ -87,6 +87,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         Command::Controller(arguments) => match &arguments.action {
             ControllerAction::Swap(arguments) => swap::swap(arguments),
         },
+        Command::Margins(arguments) => margins::margins(arguments),
         Command::Campaign(arguments) => campaign::campaign(&arguments.action),
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),

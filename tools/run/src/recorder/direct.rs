@@ -32,21 +32,38 @@ pub(crate) fn take_run(
     let work = RecorderWork::new(plan, None, Vec::new(), shared).without_latency();
     let mut work = work.with_curve(grid);
     work.attach(layout.clone());
+    let take = |work: &mut RecorderWork, item: Result<Item<'_>, String>| match item {
+        Ok(item) => work.take(item),
+        Err(error) => work.fail(error),
+    };
+    let has_ended = |work: &RecorderWork| work.has_ended();
+    drain(source, &mut work, take, has_ended, &mut is_over);
+    work.finish()
+}
+
+/// Passes items of a stream to a consumer until the consumer has ended, or until the stream is empty and `is_over`
+/// returns `true`.
+pub(crate) fn drain<C>(
+    source: &mut impl RecordSource,
+    consumer: &mut C,
+    take: impl Fn(&mut C, Result<Item<'_>, String>),
+    has_ended: impl Fn(&C) -> bool,
+    mut is_over: impl FnMut() -> bool,
+) {
     let mut nap = FIRST_NAP;
-    while !work.has_ended() {
+    while !has_ended(consumer) {
         // Checked before the last look, which must include everything published until then.
         let is_last = is_over();
-        match source.drain(&mut |item| work.take(item)) {
+        match source.drain(&mut |item| take(consumer, Ok(item))) {
             Ok(0) if is_last => break,
             Ok(0) => {
                 std::thread::sleep(nap);
                 nap = if nap < NAP { 2 * nap } else { NAP };
             }
             Ok(_) => nap = FIRST_NAP,
-            Err(error) => work.fail(format!("the record stream failed: {error}")),
+            Err(error) => take(consumer, Err(format!("the record stream failed: {error}"))),
         }
     }
-    work.finish()
 }
 
 /// Sink that processes items at once.

@@ -1,5 +1,6 @@
 //! The command lines of this package's verbs; defines arguments only and runs nothing.
 
+pub mod margins;
 pub mod recordings;
 pub mod replay;
 pub mod run;

@@ -1,0 +1,172 @@
+//! Measurement of one loop: its responses and its margins.
+
+use std::collections::BTreeMap;
+
+use super::locus::{Margins, Response, margins};
+use super::point::{Point, size};
+use super::probe::{Complex, Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
+use super::refusal;
+use super::span::Span;
+
+/// Share of the largest command that the probe has by default.
+const SHARE: f64 = 0.01;
+/// Largest number of runs that add frequencies.
+const REFINEMENTS: usize = 4;
+
+/// Loop to be measured, while the loops of all other commands stay closed.
+pub(super) struct Measurement<'a> {
+    pub(super) loops: &'a Loops<'a>,
+    /// Motion without tones.
+    pub(super) own: &'a Motion,
+    /// Place of the command.
+    pub(super) command: usize,
+    pub(super) amplitude: Option<f64>,
+    pub(super) span: Span,
+}
+
+/// Measured loop.
+#[derive(Clone, Debug)]
+pub(super) struct Measured {
+    pub(super) amplitude: f64,
+    pub(super) points: Vec<Point>,
+    pub(super) margins: Margins,
+    /// Margins from each window, and from half the amplitude.
+    pub(super) others: Vec<Margins>,
+    /// Responses of all probes at the first tones, without the loop's own motion.
+    pub(super) first: Vec<Fitted>,
+}
+
+impl Measurement<'_> {
+    /// Measures the loop.
+    pub(super) fn run(&self) -> Result<Measured, Stop> {
+        let tones = self.span.tones();
+        let amplitude = (self.amplitude).unwrap_or(SHARE * self.own.largest[self.command]);
+        if amplitude == 0.0 {
+            return Err(Stop::Refused(
+                "the command is 0 throughout, so no amplitude follows from it; give --amplitude"
+                    .into(),
+            ));
+        }
+        let mut points = BTreeMap::new();
+        let first = self.add(&mut points, amplitude, &tones)?;
+        for _ in 0..REFINEMENTS {
+            let current = margins(&locus(&points, |point| point.l));
+            let mut further: Vec<u64> = (current.places_hz().into_iter())
+                .filter(|hz| hz.is_finite())
+                .flat_map(|hz| self.span.around(hz))
+                .filter(|turns| !points.contains_key(turns))
+                .collect();
+            further.sort_unstable();
+            further.dedup();
+            if further.is_empty() {
+                break;
+            }
+            self.add(&mut points, amplitude, &further)?;
+        }
+        let all: Vec<Point> = points.values().cloned().collect();
+        let result = margins(&locus(&points, |point| point.l));
+        if let Some(reason) = refusal::of(&all, &result, self.own.growth(self.command)) {
+            return Err(Stop::Refused(reason));
+        }
+        let mut others: Vec<Margins> = (0..WINDOWS)
+            .map(|window| margins(&locus(&points, |point| point.windows[window])))
+            .collect();
+        others.push(margins(&locus(&points, |point| point.half)));
+        Ok(Measured {
+            amplitude,
+            points: all,
+            margins: result,
+            others,
+            first,
+        })
+    }
+
+    /// Measures the response at these tones, with the whole and with half the amplitude; returns that of all probes to
+    /// the whole amplitude.
+    fn add(
+        &self,
+        points: &mut BTreeMap<u64, Point>,
+        amplitude: f64,
+        tones: &[u64],
+    ) -> Result<Vec<Fitted>, Stop> {
+        let run = |amplitude: f64| {
+            let motion = self.loops.run(Some(Excitation {
+                command: self.command,
+                amplitude,
+                turns: tones,
+            }))?;
+            if let Some(reason) = refusal::limited(self.loops.commands, &motion.limited) {
+                return Err(Stop::Refused(reason));
+            }
+            Ok(motion)
+        };
+        let own = self.own.fits(tones)?;
+        let (whole, half) = (run(amplitude)?, run(0.5 * amplitude)?);
+        let clipped = whole.clipped(self.command);
+        let (whole, half) = (
+            response_to(whole.fits(tones)?, &own),
+            response_to(half.fits(tones)?, &own),
+        );
+        for (index, turns) in tones.iter().enumerate() {
+            let of = |fits: &[Fitted]| fits[index].each_ref().map(|all| all[self.command]);
+            let (whole, half, own) = (of(&whole), of(&half), of(&own));
+            let output = whole.iter().map(|[_, output]| size(*output));
+            let output = output.sum::<f64>() / WINDOWS as f64;
+            let own = own.iter().map(|[_, output]| size(*output));
+            let (l, coherence) = open_loop(&whole);
+            let point = Point {
+                frequency_hz: self.span.hz(*turns),
+                l,
+                windows: whole.map(|window| open_loop(&[window]).0),
+                half: open_loop(&half).0,
+                amplitude: output,
+                coherence,
+                own: own.fold(0.0, f64::max) / output,
+            };
+            points.insert(*turns, point);
+        }
+        let stands = clipped
+            .filter(|_| (points.values()).any(|point| point.nonlinearity() > refusal::CHANGE));
+        match stands {
+            Some(value) => Err(Stop::Refused(format!(
+                "saturation: the law's command stands at {value} for several steps while the probe runs; lower --amplitude, or choose another --at"
+            ))),
+            None => Ok(whole),
+        }
+    }
+}
+
+/// Subtracts the loop's own motion.
+pub(super) fn response_to(mut fits: Vec<Fitted>, own: &[Fitted]) -> Vec<Fitted> {
+    let values = |fits: &mut Fitted, own: &Fitted| {
+        let all = fits.iter_mut().flatten().flatten();
+        for (value, own) in all.zip(own.iter().flatten().flatten()) {
+            *value = (value.0 - own.0, value.1 - own.1);
+        }
+    };
+    for (fits, own) in fits.iter_mut().zip(own) {
+        values(fits, own);
+    }
+    fits
+}
+
+/// Computes `L = -sum(in conj(out)) / sum(|out|^2)`, and the coherence of input and output.
+fn open_loop(windows: &[[Complex; 2]]) -> (Complex, f64) {
+    let (mut re, mut im, mut inputs, mut outputs) = (0.0, 0.0, 0.0, 0.0);
+    for [(a, b), (c, d)] in windows {
+        re += a * c + b * d;
+        im += b * c - a * d;
+        inputs += a * a + b * b;
+        outputs += c * c + d * d;
+    }
+    let coherence = (re * re + im * im) / (inputs * outputs);
+    ((-re / outputs, -im / outputs), coherence)
+}
+
+fn locus(points: &BTreeMap<u64, Point>, l: impl Fn(&Point) -> Complex) -> Vec<Response> {
+    let of = |point: &Point| Response {
+        frequency_hz: point.frequency_hz,
+        l: l(point),
+    };
+    points.values().map(of).collect()
+}

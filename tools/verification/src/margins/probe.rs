@@ -1,0 +1,280 @@
+//! A run with a probe at every command, and the fits of the probes' inputs and outputs.
+
+use std::f64::consts::{PI, TAU};
+
+use hil_config::SineFit;
+use hil_config::plan::{Plan, Probe, Tone};
+use hil_console::terminal::exit::Failure;
+use hil_console::terminal::interruption::Interruption;
+use shared_types::link::LinkError;
+use shared_types::record::{Event, Outcome, RecordLayout};
+use shared_types::stream::RecordSink;
+
+use super::rig::Rig;
+
+/// Windows in which the response is fitted, one after another.
+pub(super) const WINDOWS: usize = 3;
+
+/// Real and imaginary part.
+pub(super) type Complex = (f64, f64);
+
+/// `a + j b` of the input and of the output of each command's probe, in each window.
+pub(super) type Fitted = [Vec<[Complex; 2]>; WINDOWS];
+
+/// Reason why a measurement ends without margins.
+pub(super) enum Stop {
+    /// Margins are refused.
+    Refused(String),
+    /// A run failed or was interrupted.
+    Failed(Failure),
+}
+
+impl From<Failure> for Stop {
+    fn from(failure: Failure) -> Self {
+        Self::Failed(failure)
+    }
+}
+
+/// Times of a probe in steps: a period to settle, then the windows, each one period.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Course {
+    pub(super) first_step: u64,
+    pub(super) period_steps: u64,
+}
+
+/// Loops of a plan, all of which are cut at a probe.
+pub(super) struct Loops<'a> {
+    pub(super) rig: &'a Rig,
+    pub(super) plan: &'a Plan,
+    /// Every command of the plant that the law drives.
+    pub(super) commands: &'a [String],
+    pub(super) course: Course,
+    pub(super) interruption: &'a Interruption,
+}
+
+/// Tones at one command.
+#[derive(Clone, Copy)]
+pub(super) struct Excitation<'a> {
+    /// Place of the command.
+    pub(super) command: usize,
+    /// Amplitude, of which all tones together have the power.
+    pub(super) amplitude: f64,
+    /// Turns of each tone in the common period.
+    pub(super) turns: &'a [u64],
+}
+
+/// Motion of a run with probes.
+pub(super) struct Motion {
+    course: Course,
+    excited: Option<usize>,
+    /// Inputs of the probes in all windows, by command.
+    inputs: Vec<Vec<f64>>,
+    /// Output of the excited probe in all windows.
+    output: Vec<f64>,
+    /// Largest size of each command.
+    pub(super) largest: Vec<f64>,
+    /// Number of steps of the probe at which an actuator stood at the end of its range, by command.
+    pub(super) limited: Vec<u64>,
+}
+
+impl Loops<'_> {
+    /// Runs the loops, with tones at a command if there are any.
+    pub(super) fn run(&self, excitation: Option<Excitation<'_>>) -> Result<Motion, Stop> {
+        let mut plan = self.plan.clone();
+        plan.run.steps = self.course.first_step + (1 + WINDOWS as u64) * self.course.period_steps;
+        plan.probes = (self.commands.iter().enumerate())
+            .map(|(place, command)| Probe {
+                command: command.clone(),
+                first_step: self.course.first_step,
+                period_steps: self.course.period_steps,
+                tones: (excitation.filter(|one| one.command == place)).map_or_else(Vec::new, tones),
+            })
+            .collect();
+        let excited = excitation.map(|one| one.command);
+        let limits: Vec<_> = (self.commands.iter())
+            .map(|name| {
+                let own = (plan.actuators.iter()).find(|one| one.signal == *name)?;
+                own.range()
+            })
+            .collect();
+        let sink = |layout: &RecordLayout| Series::new(layout, self, excited, &limits);
+        let (end, series) = self.rig.observe(&plan, sink, self.interruption)?;
+        let reason = end.reason.unwrap_or_else(|| "it did not complete".into());
+        let with = match excited {
+            Some(_) => "with the probe",
+            None => "without the probe",
+        };
+        match end.outcome {
+            Outcome::Completed => Ok(series.motion),
+            Outcome::Diverged => Err(Stop::Refused(format!(
+                "the loop is unstable: the run {with} diverges: {reason}"
+            ))),
+            _ => Err(Stop::Refused(format!(
+                "the run {with} ends early: {reason}"
+            ))),
+        }
+    }
+}
+
+/// Returns tones of equal amplitude, with phases after Schroeder, which keep the peak of their sum low.
+fn tones(excitation: Excitation<'_>) -> Vec<Tone> {
+    let count = excitation.turns.len() as f64;
+    let tones = (excitation.turns.iter().enumerate()).map(|(index, turns)| Tone {
+        turns: *turns,
+        amplitude: excitation.amplitude / count.sqrt(),
+        phase_rad: PI * ((index * index) as f64) / count,
+    });
+    tones.collect()
+}
+
+impl Motion {
+    /// Fits the input and the output of every probe at these tones.
+    pub(super) fn fits(&self, tones: &[u64]) -> Result<Vec<Fitted>, Stop> {
+        let period = self.course.period_steps;
+        let part = |k: u64| libm::sincos(TAU * k as f64 / period as f64);
+        let table: Vec<(f64, f64)> = (0..period).map(part).collect();
+        let fit = |command: usize, turns: u64, window: usize| {
+            let mut fit = SineFit::default();
+            let first = window * period as usize;
+            let of_window = first..first + period as usize;
+            let inputs = self.inputs[command].get(of_window.clone())?;
+            let outputs = match self.excited == Some(command) {
+                true => self.output.get(of_window)?,
+                false => inputs,
+            };
+            let mut place = 0;
+            for (input, output) in inputs.iter().zip(outputs) {
+                let (sin, cos) = table[place as usize];
+                fit.take(sin, cos, [*input, *output]);
+                place = (place + turns) % period;
+            }
+            fit.phasors()
+        };
+        let all = tones.iter().map(|turns| {
+            let mut fitted = Fitted::default();
+            for (window, to) in fitted.iter_mut().enumerate() {
+                let commands = 0..self.inputs.len();
+                *to = commands
+                    .map(|command| fit(command, *turns, window))
+                    .collect::<Option<_>>()?;
+            }
+            Some(fitted)
+        });
+        let all: Option<Vec<Fitted>> = all.collect();
+        all.ok_or_else(|| Stop::Refused("a tone has too few samples in a turn".into()))
+    }
+
+    /// Returns by which factor a command's own range of values grows from one window to the next, at least.
+    pub(super) fn growth(&self, command: usize) -> f64 {
+        let windows = self.inputs[command].chunks(self.course.period_steps as usize);
+        let ranges: Vec<f64> = windows
+            .map(|values| {
+                let [low, high] = ends(values);
+                high - low
+            })
+            .collect();
+        let ratios = ranges.windows(2).map(|pair| pair[1] / pair[0]);
+        ratios.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Returns the value at which a command stands for several steps, if that is its largest or smallest.
+    pub(super) fn clipped(&self, command: usize) -> Option<f64> {
+        const STEPS: usize = 3;
+        let values = &self.inputs[command];
+        let [low, high] = ends(values);
+        let stands = |end: f64| {
+            let mut streaks = values.chunk_by(|a, b| a == b);
+            streaks.any(|streak| streak.len() >= STEPS && streak[0] == end)
+        };
+        [high, low]
+            .into_iter()
+            .find(|end| low < high && stands(*end))
+    }
+}
+
+/// Returns the smallest and the largest value.
+fn ends(values: &[f64]) -> [f64; 2] {
+    (values.iter()).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
+        [low.min(*value), high.max(*value)]
+    })
+}
+
+/// Sink that keeps the motion of the probes.
+struct Series {
+    layout: RecordLayout,
+    /// Place of each applied command among the values of a record, and the range of its actuator.
+    applied: Vec<(usize, Option<(f64, f64)>)>,
+    motion: Motion,
+}
+
+impl Series {
+    fn new(
+        layout: &RecordLayout,
+        loops: &Loops<'_>,
+        excited: Option<usize>,
+        limits: &[Option<(f64, f64)>],
+    ) -> Self {
+        let [truth, measured, reference, command, ..] = layout.groups().map(<[_]>::len);
+        let first = truth + measured + reference + command;
+        let places = loops.commands.iter().zip(limits).map(|(name, limit)| {
+            let place = (layout.command.iter()).position(|field| field.name == *name);
+            (first + place.unwrap_or_default(), *limit)
+        });
+        let count = loops.commands.len();
+        Self {
+            layout: layout.clone(),
+            applied: places.collect(),
+            motion: Motion {
+                course: loops.course,
+                excited,
+                inputs: vec![Vec::new(); count],
+                output: Vec::new(),
+                largest: vec![0.0; count],
+                limited: vec![0; count],
+            },
+        }
+    }
+}
+
+impl RecordSink for Series {
+    fn open(&mut self, _: &RecordLayout) -> Result<(), LinkError> {
+        Ok(())
+    }
+
+    fn has_room(&mut self) -> Result<bool, LinkError> {
+        Ok(true)
+    }
+
+    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+        let view = self.layout.view(words);
+        let (motion, count) = (&mut self.motion, self.applied.len());
+        let (_, cut) = view.values.split_at(view.values.len() - 2 * count);
+        let (inputs, outputs) = cut.split_at(count);
+        if inputs.iter().any(|input| !input.is_finite()) {
+            return Ok(()); // the last record has no command
+        }
+        for (largest, input) in motion.largest.iter_mut().zip(inputs) {
+            *largest = largest.max(input.abs());
+        }
+        let Some(since) = view.step.checked_sub(motion.course.first_step) else {
+            return Ok(());
+        };
+        for (count, (place, limit)) in motion.limited.iter_mut().zip(&self.applied) {
+            let value = view.values[*place];
+            *count += u64::from(limit.is_some_and(|(low, high)| value <= low || value >= high));
+        }
+        if since >= motion.course.period_steps {
+            for (series, input) in motion.inputs.iter_mut().zip(inputs) {
+                series.push(*input);
+            }
+            motion
+                .output
+                .extend(motion.excited.map(|place| outputs[place]));
+        }
+        Ok(())
+    }
+
+    fn event(&mut self, _: &Event) -> Result<(), LinkError> {
+        Ok(())
+    }
+}

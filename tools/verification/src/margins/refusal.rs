@@ -1,0 +1,76 @@
+//! Reasons why a response supports no margins.
+
+use super::locus::Margins;
+use super::point::{Point, size};
+
+/// Largest share of the loop's own motion in the response.
+const OWN_MOTION: f64 = 0.1;
+/// Largest relative change of L at half the amplitude, and from one window to another.
+pub(super) const CHANGE: f64 = 0.02;
+/// Gains at which the response decides about margins.
+const DECISIVE: std::ops::RangeInclusive<f64> = 0.1..=10.0;
+/// Growth of the own motion from one window to the next that shows an unstable loop.
+const GROWTH: f64 = 1.2;
+
+/// Returns the reason why responses support no margins, if there is one; `growth` is that of the loop's own motion.
+pub(super) fn of(points: &[Point], margins: &Margins, growth: f64) -> Option<String> {
+    if let Some(point) = points.iter().find(|point| !size(point.l).is_finite()) {
+        return Some(format!(
+            "there is no response at {:.4} Hz",
+            point.frequency_hz
+        ));
+    }
+    let worst = |of: &dyn Fn(&Point) -> f64| {
+        let decisive = points
+            .iter()
+            .filter(|point| DECISIVE.contains(&size(point.l)));
+        let all = decisive.map(|point| (of(point), point.frequency_hz));
+        all.max_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let own = worst(&|point| point.own).filter(|(own, _)| *own > OWN_MOTION);
+    let unsteady = worst(&Point::unsteadiness).filter(|(share, _)| *share > CHANGE);
+    if growth > GROWTH && (own.is_some() || unsteady.is_some()) {
+        return Some(format!(
+            "the loop is unstable, or follows a stimulus: without the probe, its own motion grows at least {growth:.2}-fold from one period of the measurement to the next; choose another --at if it is stable"
+        ));
+    }
+    if let Some((own, hz)) = own {
+        return Some(format!(
+            "the loop moves by itself: at {hz:.4} Hz its own motion is {:.1} % of the response; raise --amplitude, or choose another --at",
+            100.0 * own
+        ));
+    }
+    if let Some((share, hz)) = unsteady {
+        return Some(format!(
+            "the response is not steady: at {hz:.4} Hz it changes by {:.1} % from one period to another, so the loop is unstable, still settling or disturbed; choose another --at",
+            100.0 * share
+        ));
+    }
+    if let Some((share, hz)) = worst(&Point::nonlinearity).filter(|(share, _)| *share > CHANGE) {
+        return Some(format!(
+            "the response depends on the amplitude: at {hz:.4} Hz L changes by {:.1} % at half the amplitude, as from a limit or friction; choose another --amplitude",
+            100.0 * share
+        ));
+    }
+    let [first, last] = [points.first()?, points.last()?];
+    margins.crossovers.is_empty().then(|| {
+        format!(
+            "no crossover: |L| is {:.4} at {:.4} Hz and {:.4} at {:.4} Hz, and never 1 between; choose other --frequencies, unless the loop has none",
+            size(first.l),
+            first.frequency_hz,
+            size(last.l),
+            last.frequency_hz
+        )
+    })
+}
+
+/// Returns the reason if an actuator stood at the end of its range while the probe ran.
+pub(super) fn limited(commands: &[String], limited: &[u64]) -> Option<String> {
+    let both = commands.iter().zip(limited);
+    let (command, steps) = both.max_by_key(|(_, steps)| **steps)?;
+    (*steps > 0).then(|| {
+        format!(
+            "saturation: the actuator of command.{command} is at the end of its range at {steps} steps while the probe runs; lower --amplitude, or choose another --at"
+        )
+    })
+}

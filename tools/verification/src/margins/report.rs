@@ -1,0 +1,320 @@
+//! Report of measured margins: JSON, text, and the responses as CSV.
+
+use std::fmt::Write;
+
+use serde::Serialize;
+
+use super::locus::Margins;
+use super::measurement::Measured;
+use super::point::Point;
+use super::together::Together;
+
+/// Margins of all loops.
+#[derive(Debug, Default, Serialize)]
+pub(super) struct Report {
+    inputs: Vec<Input>,
+    /// Margin of all commands together at each time, if there are several.
+    together: Vec<Joint>,
+}
+
+/// Margin of all loops together, in JSON.
+#[derive(Debug, Serialize)]
+struct Joint {
+    at_s: f64,
+    /// Reason, if the margin was refused; the figures are then null.
+    refused: Option<String>,
+    /// Least singular value of `I + L` after balancing, which the units of the commands do not affect.
+    margin: Option<f64>,
+    margin_interval: Option<[f64; 2]>,
+    frequency_hz: Option<f64>,
+    /// Least singular value of `I + L` in the units of the commands.
+    least_singular_value: Option<f64>,
+    /// Gains between which every command may change at once; null for no limit.
+    gains_db: [Option<f64>; 2],
+    /// Phase by which every command may change at once.
+    phase_deg: Option<f64>,
+}
+
+/// Margins of the loop that is cut at one command.
+#[derive(Debug, Serialize)]
+pub(super) struct Input {
+    command: String,
+    unit: String,
+    at_s: f64,
+    /// Reason, if the margins were refused; the figures are then null.
+    refused: Option<String>,
+    amplitude: Option<f64>,
+    gain_margin_db: Option<f64>,
+    phase_margin_deg: Option<f64>,
+    delay_margin_s: Option<f64>,
+    /// Least `|1 + L|`.
+    disc_margin: Option<f64>,
+    crossover_hz: Option<f64>,
+    phase_crossover_hz: Option<f64>,
+    disc_hz: Option<f64>,
+    /// Frequencies with `|L| = 1`, each with its phase margin in degrees.
+    crossovers: Vec<[f64; 2]>,
+    /// Frequencies with a phase of -180 degrees, each with its gain margin in dB.
+    phase_crossovers: Vec<[f64; 2]>,
+    /// Least and largest value of each figure among single periods and half the amplitude.
+    intervals: Intervals,
+    /// Least coherence of all frequencies.
+    coherence: Option<f64>,
+    responses: Vec<Answer>,
+}
+
+/// Response of the open loop at one frequency.
+#[derive(Debug, Serialize)]
+struct Answer {
+    frequency_hz: f64,
+    /// Real and imaginary part of L.
+    l: [f64; 2],
+    gain_db: f64,
+    phase_deg: f64,
+    /// Amplitude at the probe's output in the unit of the command.
+    amplitude: f64,
+    coherence: f64,
+    /// Largest relative change of L among single periods and half the amplitude.
+    change: f64,
+}
+
+impl Answer {
+    fn of(point: &Point) -> Self {
+        let (re, im) = point.l;
+        Self {
+            frequency_hz: point.frequency_hz,
+            l: [re, im],
+            gain_db: 20.0 * libm::log10(libm::hypot(re, im)),
+            phase_deg: libm::atan2(im, re).to_degrees(),
+            amplitude: point.amplitude,
+            coherence: point.coherence,
+            change: point.unsteadiness().max(point.nonlinearity()),
+        }
+    }
+}
+
+#[derive(Debug, Default, Serialize)]
+struct Intervals {
+    gain_margin_db: Option<[f64; 2]>,
+    phase_margin_deg: Option<[f64; 2]>,
+    delay_margin_s: Option<[f64; 2]>,
+    disc_margin: Option<[f64; 2]>,
+    crossover_hz: Option<[f64; 2]>,
+}
+
+type Figure = fn(&Margins) -> Option<f64>;
+
+const GAIN: Figure = |margins| margins.phase_crossover().map(|[_, db]| db);
+const PHASE: Figure = |margins| margins.crossover().map(|[_, deg]| deg);
+const DELAY: Figure = Margins::delay_margin_s;
+const DISC: Figure = |margins| Some(margins.disc[1]);
+const CROSSOVER: Figure = |margins| margins.crossover().map(|[hz, _]| hz);
+
+impl Report {
+    /// Adds a loop.
+    pub(super) fn add(
+        &mut self,
+        command: &str,
+        unit: &str,
+        at_s: f64,
+        result: Result<&Measured, String>,
+    ) {
+        let (measured, refused) = match result {
+            Ok(measured) => (Some(measured), None),
+            Err(reason) => (None, Some(reason)),
+        };
+        let figure = |of: Figure| measured.as_ref().and_then(|one| of(&one.margins));
+        let interval = |of: Figure| {
+            let all = measured.as_ref()?.others.iter().filter_map(of);
+            let ends = all.map(|value| [value; 2]);
+            ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+        };
+        self.inputs.push(Input {
+            command: command.into(),
+            unit: unit.into(),
+            at_s,
+            refused,
+            amplitude: measured.as_ref().map(|one| one.amplitude),
+            gain_margin_db: figure(GAIN),
+            phase_margin_deg: figure(PHASE),
+            delay_margin_s: figure(DELAY),
+            disc_margin: figure(DISC),
+            crossover_hz: figure(CROSSOVER),
+            phase_crossover_hz: figure(|one| one.phase_crossover().map(|[hz, _]| hz)),
+            disc_hz: figure(|one| Some(one.disc[0])),
+            crossovers: (measured.as_ref())
+                .map_or_else(Vec::new, |one| one.margins.crossovers.clone()),
+            phase_crossovers: (measured.as_ref())
+                .map_or_else(Vec::new, |one| one.margins.phase_crossovers.clone()),
+            intervals: Intervals {
+                gain_margin_db: interval(GAIN),
+                phase_margin_deg: interval(PHASE),
+                delay_margin_s: interval(DELAY),
+                disc_margin: interval(DISC),
+                crossover_hz: interval(CROSSOVER),
+            },
+            coherence: (measured.as_ref()).and_then(|one| {
+                one.points
+                    .iter()
+                    .map(|point| point.coherence)
+                    .reduce(f64::min)
+            }),
+            responses: (measured.iter().flat_map(|one| &one.points))
+                .map(Answer::of)
+                .collect(),
+        });
+    }
+
+    /// Adds the margin of all loops together.
+    pub(super) fn add_together(&mut self, at_s: f64, result: Result<Together, String>) {
+        let (margin, refused) = match result {
+            Ok(margin) => (Some(margin), None),
+            Err(reason) => (None, Some(reason)),
+        };
+        let margin = margin.as_ref();
+        self.together.push(Joint {
+            at_s,
+            refused,
+            margin: margin.map(|one| one.margin),
+            margin_interval: margin.map(|one| one.interval),
+            frequency_hz: margin.map(|one| one.frequency_hz),
+            least_singular_value: margin.map(|one| one.least_singular_value),
+            gains_db: margin.map_or([None; 2], Together::gains_db),
+            phase_deg: margin.map(Together::phase_deg),
+        });
+    }
+
+    /// Returns `true` if no loop was refused.
+    pub(super) fn is_complete(&self) -> bool {
+        let inputs = self.inputs.iter().map(|input| &input.refused);
+        let mut all = inputs.chain(self.together.iter().map(|joint| &joint.refused));
+        all.all(Option::is_none)
+    }
+
+    /// Formats the responses of all loops as CSV.
+    pub(super) fn csv(&self) -> String {
+        let mut text = String::from(
+            "command,at_s,frequency_hz,real,imaginary,gain_db,phase_deg,amplitude,coherence,change\n",
+        );
+        for input in &self.inputs {
+            for answer in &input.responses {
+                let Answer {
+                    frequency_hz,
+                    l: [re, im],
+                    gain_db,
+                    phase_deg,
+                    amplitude,
+                    coherence,
+                    change,
+                } = answer;
+                // Writing to a string cannot fail.
+                let _ = writeln!(
+                    text,
+                    "{},{},{frequency_hz},{re},{im},{gain_db},{phase_deg},{amplitude},{coherence},{change}",
+                    input.command, input.at_s
+                );
+            }
+        }
+        text
+    }
+
+    /// Formats the margins for a person.
+    pub(super) fn describe(&self) -> String {
+        let mut text = String::new();
+        for input in &self.inputs {
+            let _ = input.write(&mut text); // writing to a string cannot fail
+        }
+        for joint in &self.together {
+            let _ = joint.write(&mut text); // as above
+        }
+        text
+    }
+}
+
+impl Joint {
+    fn write(&self, text: &mut String) -> std::fmt::Result {
+        writeln!(text, "all commands together at {} s", self.at_s)?;
+        if let Some(reason) = &self.refused {
+            return writeln!(text, "  refused: {reason}");
+        }
+        let value = |value: Option<f64>| value.unwrap_or(f64::NAN);
+        writeln!(
+            text,
+            "  least singular value of I + L, balanced: {:.5} at {:.5} Hz ({:.5} as the units are)",
+            value(self.margin),
+            value(self.frequency_hz),
+            value(self.least_singular_value)
+        )?;
+        let [least, most] = self.gains_db;
+        let most = most.map_or_else(|| "any gain".into(), |db| format!("{db:.3} dB"));
+        writeln!(
+            text,
+            "  every command at once may change by {:.3} dB to {most}, or by {:.3} deg",
+            value(least),
+            value(self.phase_deg)
+        )
+    }
+}
+
+impl Input {
+    fn write(&self, text: &mut String) -> std::fmt::Result {
+        writeln!(text, "command.{} at {} s", self.command, self.at_s)?;
+        if let Some(reason) = &self.refused {
+            return writeln!(text, "  refused: {reason}");
+        }
+        let ranges = &self.intervals;
+        let mut line =
+            |name: &str, value: Option<f64>, range: Option<[f64; 2]>, unit: &str, at_hz| {
+                let Some(value) = value else {
+                    return writeln!(text, "  {name:<14}none in this range");
+                };
+                write!(text, "  {name:<14}{value:.5} {unit}")?;
+                if let Some([low, high]) = range {
+                    write!(text, " ({low:.5} to {high:.5})")?;
+                }
+                match at_hz {
+                    Some(hz) => writeln!(text, " at {hz:.5} Hz"),
+                    None => writeln!(text),
+                }
+            };
+        let crossover = self.crossover_hz;
+        let (gain, phase) = (self.gain_margin_db, self.phase_margin_deg);
+        line(
+            "gain margin",
+            gain,
+            ranges.gain_margin_db,
+            "dB",
+            self.phase_crossover_hz,
+        )?;
+        line(
+            "phase margin",
+            phase,
+            ranges.phase_margin_deg,
+            "deg",
+            crossover,
+        )?;
+        line(
+            "delay margin",
+            self.delay_margin_s,
+            ranges.delay_margin_s,
+            "s",
+            None,
+        )?;
+        line(
+            "least |1 + L|",
+            self.disc_margin,
+            ranges.disc_margin,
+            "",
+            self.disc_hz,
+        )?;
+        let (amplitude, coherence) = (self.amplitude, self.coherence);
+        writeln!(
+            text,
+            "  amplitude {:.4} {}, {} frequencies, least coherence {:.6}",
+            amplitude.unwrap_or(f64::NAN),
+            self.unit,
+            self.responses.len(),
+            coherence.unwrap_or(f64::NAN)
+        )
+    }
+}

@@ -1,0 +1,187 @@
+//! Loops of the teaching plant against the exact discrete closed form: the plant behind a zero-order hold, an integral by
+//! trapezoids and a backward difference.
+
+use std::f64::consts::TAU;
+
+use hil_run::alone;
+
+use super::*;
+use measurement::Measured;
+
+type Complex = (f64, f64);
+
+const PERIOD_S: f64 = 1e-3;
+
+fn times(a: Complex, b: Complex) -> Complex {
+    (a.0 * b.0 - a.1 * b.1, a.0 * b.1 + a.1 * b.0)
+}
+
+fn over(a: Complex, b: Complex) -> Complex {
+    let square = b.0 * b.0 + b.1 * b.1;
+    let (re, im) = times(a, (b.0, -b.1));
+    (re / square, im / square)
+}
+
+/// `z^n` at a frequency.
+fn z(frequency_hz: f64, n: f64) -> Complex {
+    let (sin, cos) = libm::sincos(TAU * frequency_hz * PERIOD_S * n);
+    (cos, sin)
+}
+
+/// L of `m = 1`, `c = 2`, `k = 100` under a `pid` with 300, 2000 and 30.
+fn closed_form(frequency_hz: f64) -> Complex {
+    let (sigma, damped) = (1.0, libm::sqrt(99.0));
+    let (sin, cos) = libm::sincos(damped * PERIOD_S);
+    let alpha = libm::exp(-sigma * PERIOD_S);
+    let z1 = z(frequency_hz, 1.0);
+    let z2 = z(frequency_hz, 2.0);
+    let b1 = 0.01 * (1.0 - alpha * (cos + sigma / damped * sin));
+    let b2 = 0.01 * (alpha * alpha + alpha * (sigma / damped * sin - cos));
+    let numerator = (b1 * z1.0 + b2, b1 * z1.1);
+    let a1 = -2.0 * alpha * cos;
+    let denominator = (z2.0 + a1 * z1.0 + alpha * alpha, z2.1 + a1 * z1.1);
+    let plant = over(numerator, denominator);
+    let (above, below) = ((z1.0 + 1.0, z1.1), (z1.0 - 1.0, z1.1));
+    let integral = over(above, below);
+    let derivative = over(below, z1);
+    let (k_i, k_d) = (2000.0 * 0.5 * PERIOD_S, 30.0 / PERIOD_S);
+    let law = (
+        300.0 + k_i * integral.0 + k_d * derivative.0,
+        k_i * integral.1 + k_d * derivative.1,
+    );
+    times(plant, law)
+}
+
+const SCENARIO: &str = r#"
+schema = 1
+name = "loop"
+[run]
+duration_s = 1.0
+rate_hz = 1000
+[plant]
+model = "spring-mass"
+substeps = 4
+[controller]
+law = "pid"
+[[stimuli]]
+target = "position_m"
+kind = "step"
+at_s = 0.1
+after = 0.01
+"#;
+
+/// Measures the loop of the scenario with this text added.
+fn measured(further: &str) -> Result<Measured, String> {
+    let rig = Rig::BuiltIn(Box::new(alone::built_in()));
+    let scenario = Scenario::parse(&format!("{SCENARIO}{further}"), "loop.toml").expect("TOML");
+    let (plants, laws, kinds) = rig.described();
+    let plan = scenario.check(plants, laws, kinds);
+    let plan = plan.unwrap_or_else(|problems| panic!("{problems}"));
+    let span = Span::new(Some("0.5..400/20"), 1000.0).expect("a range");
+    let loops = Loops {
+        rig: &rig,
+        plan: &plan,
+        commands: &["force_n".into()],
+        course: Course {
+            first_step: 1000,
+            period_steps: span.period_steps(),
+        },
+        interruption: &Interruption::default(),
+    };
+    let own = refusable(loops.run(None)).expect("a run")?;
+    let measurement = Measurement {
+        loops: &loops,
+        own: &own,
+        command: 0,
+        amplitude: Some(1.0),
+        span,
+    };
+    refusable(measurement.run()).expect("a run")
+}
+
+/// Compares every measured response with the closed form times a factor.
+fn assert_closed_form(measured: &Measured, factor: impl Fn(f64) -> Complex) {
+    assert!(measured.points.len() >= 20);
+    for point in &measured.points {
+        let hz = point.frequency_hz;
+        let expected = times(closed_form(hz), factor(hz));
+        let error = over((point.l.0 - expected.0, point.l.1 - expected.1), expected);
+        let error = libm::hypot(error.0, error.1);
+        assert!(error < 1e-5, "{hz} Hz: {:?}, not {expected:?}", point.l);
+    }
+}
+
+#[test]
+fn the_loop_of_the_teaching_plant_is_that_of_its_closed_form() {
+    let measured = measured("").expect("margins");
+    assert_closed_form(&measured, |_| (1.0, 0.0));
+    let [crossover_hz, phase_deg] = measured.margins.crossover().expect("a crossover");
+    assert!((crossover_hz - 5.21).abs() < 0.005, "{crossover_hz} Hz");
+    assert!((phase_deg - 73.97).abs() < 0.005, "{phase_deg} degrees");
+    let disc = measured.margins.disc[1];
+    assert!((disc - 0.972).abs() < 0.0005, "{disc}");
+    // The crossover of the closed form, by bisection.
+    let (mut low, mut high) = (5.0, 5.5);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        let (re, im) = closed_form(middle);
+        if libm::hypot(re, im) > 1.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    let (re, im) = closed_form(low);
+    let expected_deg = 180.0 + libm::atan2(im, re).to_degrees();
+    assert!((crossover_hz / low - 1.0).abs() < 1e-4);
+    assert!((phase_deg / expected_deg - 1.0).abs() < 1e-4);
+}
+
+fn late(link: &str) -> String {
+    format!(
+        "[[faults]]\nkind = \"message-delay\"\nat_s = 0.0\n[[faults.effects]]\ntarget = \"link.{link}\"\nsteps = 5\n"
+    )
+}
+
+#[test]
+fn late_messages_on_either_link_lower_the_phase_by_their_delay() {
+    for link in ["command", "sample"] {
+        let measured = measured(&late(link)).expect("margins");
+        assert_closed_form(&measured, |hz| z(hz, -5.0));
+    }
+}
+
+#[test]
+fn a_scaled_command_scales_the_loop() {
+    let fault = "[[faults]]\nkind = \"scale\"\nat_s = 0.0\n[[faults.effects]]\ntarget = \"command.force_n\"\nfactor = 0.5\n";
+    let measured = measured(fault).expect("margins");
+    assert_closed_form(&measured, |_| (0.5, 0.0));
+}
+
+#[test]
+fn the_lag_of_an_actuator_belongs_to_the_loop() {
+    let measured = measured("[[actuators]]\nsignal = \"force_n\"\nlag_hz = 20.0\n");
+    let turned = TAU * 20.0 * PERIOD_S;
+    let held = -libm::expm1(-turned);
+    let ramp = 1.0 + libm::expm1(-turned) / turned;
+    assert_closed_form(&measured.expect("margins"), |hz| {
+        let before = z(hz, -1.0);
+        let above = (ramp + (held - ramp) * before.0, (held - ramp) * before.1);
+        let below = (1.0 - (1.0 - held) * before.0, -(1.0 - held) * before.1);
+        over(above, below)
+    });
+}
+
+#[test]
+fn an_actuator_at_its_limit_is_refused() {
+    let reason = measured("[[actuators]]\nsignal = \"force_n\"\nrange = [-1.1, 1.1]\n");
+    let reason = reason.expect_err("a refusal");
+    assert!(reason.contains("saturation: the actuator"), "{reason}");
+}
+
+#[test]
+fn a_loop_without_crossover_is_refused() {
+    let fault = "[[faults]]\nkind = \"scale\"\nat_s = 0.0\n[[faults.effects]]\ntarget = \"command.force_n\"\nfactor = 0.001\n";
+    let reason = measured(fault).expect_err("a refusal");
+    assert!(reason.contains("no crossover"), "{reason}");
+}

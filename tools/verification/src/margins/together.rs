@@ -1,0 +1,187 @@
+//! Margin of all loops together, from the matrix `S = (I + L)^-1` at the plant's input.
+//!
+//! Tones at command j alone give column j of S: the outputs of all probes over the tone that was added. While the gain
+//! or phase of every command changes by a factor k with `|1/k - 1| < a` for each, the loop stays stable if a is at most
+//! the least singular value of `D (I + L) D^-1` over frequency, for any diagonal D, since D commutes with the changes
+//! (Lehtomaki, Sandell, Athans, IEEE TAC 26, 1981). D is chosen by balancing rows and columns, so the result does not
+//! depend on the units of the commands.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{Complex, DMatrix};
+
+use super::measurement::{Measured, response_to};
+use super::probe::{Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
+use super::span::Span;
+
+/// Largest number of runs of each command that add frequencies.
+const REFINEMENTS: usize = 2;
+/// Sweeps over rows and columns in balancing.
+const SWEEPS: usize = 50;
+
+/// Margin of all loops together.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Together {
+    /// Least singular value of `I + L` after balancing, and its frequency in Hz.
+    pub(super) margin: f64,
+    pub(super) frequency_hz: f64,
+    /// Least and largest margin among windows.
+    pub(super) interval: [f64; 2],
+    /// Least singular value of `I + L` in the units of the commands.
+    pub(super) least_singular_value: f64,
+}
+
+/// S at one frequency: of the mean of all windows, then of each window.
+type Sensitivity = [DMatrix<Complex<f64>>; 1 + WINDOWS];
+
+/// Measures the margin of all loops together, given each loop's own measurement at the same tones.
+pub(super) fn measure(
+    loops: &Loops<'_>,
+    own: &Motion,
+    measured: &[&Measured],
+    span: Span,
+) -> Result<Together, Stop> {
+    let first: Vec<&[Fitted]> = measured.iter().map(|one| &one.first[..]).collect();
+    let mut all = BTreeMap::new();
+    add(&mut all, &span.tones(), &first);
+    for _ in 0..REFINEMENTS {
+        let least = all.iter().min_by(|a, b| {
+            let margin = |all: &Sensitivity| balanced_margin(&all[0]);
+            margin(a.1).total_cmp(&margin(b.1))
+        });
+        let Some((turns, _)) = least else { break };
+        let mut tones = span.around(span.hz(*turns));
+        tones.retain(|turns| !all.contains_key(turns));
+        if tones.is_empty() {
+            break;
+        }
+        let own = own.fits(&tones)?;
+        let mut columns = Vec::new();
+        for (command, one) in measured.iter().enumerate() {
+            let motion = loops.run(Some(Excitation {
+                command,
+                amplitude: one.amplitude,
+                turns: &tones,
+            }))?;
+            columns.push(response_to(motion.fits(&tones)?, &own));
+        }
+        let columns: Vec<&[Fitted]> = columns.iter().map(Vec::as_slice).collect();
+        add(&mut all, &tones, &columns);
+    }
+    let least = |of: &dyn Fn(&Sensitivity) -> f64| {
+        let values = all.iter().map(|(turns, all)| (of(all), *turns));
+        values.min_by(|a, b| a.0.total_cmp(&b.0))
+    };
+    let (margin, turns) = least(&|all| balanced_margin(&all[0]))
+        .filter(|(margin, _)| margin.is_finite())
+        .ok_or_else(|| Stop::Refused("there is no response".into()))?;
+    let windows = (1..=WINDOWS).filter_map(|window| least(&|all| balanced_margin(&all[window])));
+    let interval = windows.fold([margin; 2], |[low, high], (value, _)| {
+        [low.min(value), high.max(value)]
+    });
+    Ok(Together {
+        margin,
+        frequency_hz: span.hz(turns),
+        interval,
+        least_singular_value: least(&|all| reciprocal(&all[0])).map_or(margin, |(value, _)| value),
+    })
+}
+
+impl Together {
+    /// Returns the gains in dB between which every command may change at once, each for itself.
+    pub(super) fn gains_db(&self) -> [Option<f64>; 2] {
+        let db = |factor: f64| 20.0 * libm::log10(factor);
+        let largest = (self.margin < 1.0).then(|| db(1.0 / (1.0 - self.margin)));
+        [Some(db(1.0 / (1.0 + self.margin))), largest]
+    }
+
+    /// Returns the phase in degrees by which every command may change at once, each for itself.
+    pub(super) fn phase_deg(&self) -> f64 {
+        2.0 * libm::asin((0.5 * self.margin).min(1.0)).to_degrees()
+    }
+}
+
+/// Adds S at these tones; `columns` has the responses to the tones of each command.
+fn add(all: &mut BTreeMap<u64, Sensitivity>, tones: &[u64], columns: &[&[Fitted]]) {
+    for (index, turns) in tones.iter().enumerate() {
+        let windows: [_; WINDOWS] = std::array::from_fn(|window| {
+            let outputs = |row: usize, column: usize| {
+                let probes = &columns[column][index][window];
+                let [input, output] = probes[column].map(|(re, im)| Complex::new(re, im));
+                let (re, im) = probes[row][1];
+                Complex::new(re, im) / (output - input)
+            };
+            DMatrix::from_fn(columns.len(), columns.len(), outputs)
+        });
+        let mean = windows.iter().sum::<DMatrix<_>>().unscale(WINDOWS as f64);
+        let [a, b, c] = windows;
+        all.insert(*turns, [mean, a, b, c]);
+    }
+}
+
+/// Returns the reciprocal of the largest singular value of S, which is the least singular value of `I + L`.
+fn reciprocal(s: &DMatrix<Complex<f64>>) -> f64 {
+    match s.iter().all(|value| value.is_finite()) {
+        true => 1.0 / s.singular_values().max(),
+        false => f64::NAN,
+    }
+}
+
+/// Returns the least singular value of `D (I + L) D^-1`, with D that balances S.
+fn balanced_margin(s: &DMatrix<Complex<f64>>) -> f64 {
+    let mut s = s.clone();
+    // A row or column of zeros cannot be balanced; this bounds the factor.
+    let least = 1e-9 * s.norm();
+    for _ in 0..SWEEPS {
+        for i in 0..s.nrows() {
+            let others = (0..s.nrows()).filter(|k| *k != i);
+            let (mut row, mut column) = (0.0, 0.0);
+            for k in others {
+                row += s[(i, k)].norm_sqr();
+                column += s[(k, i)].norm_sqr();
+            }
+            let (row, column) = (row.sqrt().max(least), column.sqrt().max(least));
+            let factor = (column / row).sqrt();
+            if factor.is_finite() && factor > 0.0 {
+                s.row_mut(i).scale_mut(factor);
+                s.column_mut(i).unscale_mut(factor);
+            }
+        }
+    }
+    reciprocal(&s)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn matrix(rows: [[f64; 2]; 2]) -> DMatrix<Complex<f64>> {
+        DMatrix::from_fn(2, 2, |i, k| Complex::new(rows[i][k], 0.0))
+    }
+
+    /// `S = diag(2, 4)` however a unit of one command is chosen: `[[2, 0], [0, 4]]`.
+    #[test]
+    fn the_margin_does_not_depend_on_the_units_of_the_commands() {
+        for unit in [1.0, 1e3, 1e-6] {
+            let s = matrix([[2.0, 1.0 * unit], [0.5 / unit, 4.0]]);
+            let expected = balanced_margin(&matrix([[2.0, 1.0], [0.5, 4.0]]));
+            assert!((balanced_margin(&s) / expected - 1.0).abs() < 1e-9);
+        }
+    }
+
+    /// A one-way coupling changes no loop's stability, however large it is: the largest |S| is 4.
+    #[test]
+    fn a_coupling_in_one_direction_costs_no_margin() {
+        let margin = balanced_margin(&matrix([[2.0, 1e3], [0.0, 4.0]]));
+        assert!((margin - 0.25).abs() < 1e-4, "{margin}");
+        let unscaled = reciprocal(&matrix([[2.0, 1e3], [0.0, 4.0]]));
+        assert!((unscaled - 1e-3).abs() < 1e-7, "{unscaled}");
+    }
+
+    /// Eigenvectors of a symmetric S are orthogonal: its largest singular value is 2 + 1.
+    #[test]
+    fn a_symmetric_coupling_gives_the_largest_eigenvalue() {
+        let margin = balanced_margin(&matrix([[2.0, 1.0], [1.0, 2.0]]));
+        assert!((margin - 1.0 / 3.0).abs() < 1e-12, "{margin}");
+    }
+}
