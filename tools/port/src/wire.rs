@@ -20,7 +20,7 @@ use shared_types::quality::SignalSet;
 
 pub use check::check;
 use check::{age_limit, cut, steps};
-use refusals::{Kind, is_new, is_no_frame, report};
+use refusals::{Kind, is_answer, is_new, is_no_frame, report};
 
 use crate::medium::{self, LONGEST, Medium};
 
@@ -287,8 +287,9 @@ impl Wire {
                         }
                     }
                     (Err(refusal), frame) => {
-                        // The peer has answered, whatever it has counted.
-                        if let (Refusal::Jump { .. }, Some(frame)) = (&refusal, frame) {
+                        if let Some(frame) = frame
+                            && is_answer(&refusal)
+                        {
                             self.has_arrived[frame] = true;
                         }
                         if is_no_frame(&refusal) {

@@ -21,6 +21,11 @@ pub(super) const fn is_no_frame(refusal: &Refusal) -> bool {
     )
 }
 
+/// Returns `true` if a refused frame is an answer nevertheless: the peer has sent it, whatever it has counted.
+pub(super) const fn is_answer(refusal: &Refusal) -> bool {
+    matches!(refusal, Refusal::Jump { .. })
+}
+
 /// Returns `true` for the first refusal of a kind, as far as refusals are printed.
 pub(super) fn is_new(printed: &mut Vec<Kind>, kind: Kind) -> bool {
     let is_new = printed.len() < MOST_PRINTED && !printed.contains(&kind);
