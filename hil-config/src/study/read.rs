@@ -1,5 +1,6 @@
 //! Reader of studies: from text to checked values, or all problems.
 
+mod search;
 mod spread;
 
 use std::collections::HashSet;
@@ -16,6 +17,7 @@ use crate::reader::{Reader, Section};
 use crate::scenario::{Scenario, read_regular, root, unreadable};
 use crate::source::Place;
 use crate::title::{TITLE, is_title};
+use search::{nominal, search};
 use spread::{spread, whole};
 
 /// Columns of the table of results next to the varied values.
@@ -62,9 +64,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     let scenario = reader.text(root, "scenario").map(|file| folder.join(file));
     let mut homes = Homes::default();
-    homes
-        .all
-        .push(("scenario".into(), root.place_of("scenario").clone()));
+    homes.add("scenario", root.place_of("scenario"));
     let set = homes.flags(reader, root, &[]);
     let sampling = match reader.text(root, "sampling")? {
         "latin-hypercube" => Sampling::LatinHypercube,
@@ -78,6 +78,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
     let confidence = reader.number(root, "confidence");
     let goals = goals(reader, root, confidence, sampling, &variants, &mut homes);
     let draws = draws(reader, root, sampling, &varied, variants.len() as u64);
+    let search = search(reader, root, &variants, &mut homes);
     let seed = reader
         .integer(root, "seed")
         .and_then(|seed| u64::try_from(seed).ok());
@@ -100,6 +101,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
         variants,
         correlations,
         goals,
+        search: search?,
         sources: source.sources.clone(),
         folder,
         homes: homes.all,
@@ -120,6 +122,11 @@ impl Homes {
             let message = format!("`{key}` is already set by this study");
             reader.report(ProblemKind::Duplicate, key, place, message);
         }
+        self.all.push((key.into(), place.clone()));
+    }
+
+    /// Adds the place of a key that is no flag.
+    fn add(&mut self, key: &str, place: &Place) {
         self.all.push((key.into(), place.clone()));
     }
 
@@ -184,6 +191,7 @@ fn varied(
             columns.push(Group::Derived, &name); // who names it in an expression has made no mistake there
             continue;
         };
+        let nominal = nominal(reader, section, &spread);
         if sampling == Sampling::Grid
             && !matches!(spread, Spread::Choice(_) | Spread::Expression(_))
         {
@@ -205,6 +213,7 @@ fn varied(
             key,
             spread,
             is_whole,
+            nominal,
         });
     }
     all
@@ -372,7 +381,7 @@ fn goals(
         let probability = reader.number(section, "probability");
         if let (Some(probability), Some(confidence)) = (probability, own) {
             let home = format!("goals[{}]", all.len());
-            (homes.all).push((home, section.place_of("requirement").clone()));
+            homes.add(&home, section.place_of("requirement"));
             all.push(Goal {
                 requirement,
                 variant: variant.map(Into::into),
@@ -410,6 +419,8 @@ fn draws(
             _ => product,
         }),
         (_, Some(cases_key)) => cases_key.cast_unsigned(),
+        // The points of a search are not drawn.
+        (_, None) if root.table.get("search").is_some() => 1,
         (_, None) => {
             reader.missing(root, "cases", "a whole number of draws".into());
             return None;

@@ -12,8 +12,9 @@
 //! 5. [`curves`] over time are stored next to the table and used only for the plots of the report.
 //! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation
 //!    and [`mcnemar`]'s test.
-//! 7. [`command`] implements the verb `hil campaign` on top of these; only this module knows scenarios, programs and
-//!    runs.
+//! 7. [`cmaes`] proposes points for searches.
+//! 8. [`command`] implements the verbs `hil campaign` and `hil search` on top of these; only this module knows scenarios,
+//!    programs and runs.
 //!
 //! Runs themselves are executed by [`hil_run`]. Apart from [`command`], the modules use only the studies and
 //! expressions of `hil-config`; they check no scenario and know no plant.
@@ -28,6 +29,7 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
 pub mod binomial;
+mod cmaes;
 pub(crate) mod collect;
 pub mod command;
 pub(crate) mod curves;
