@@ -22,7 +22,25 @@ pub(super) struct KeptResults {
     rows: BTreeMap<u64, Row>,
     /// Number of processes that died in each case.
     tries: BTreeMap<u64, u64>,
-    journal: Mutex<Journal>,
+    journal: Mutex<JournalInUse>,
+}
+
+/// Journal of this process.
+struct JournalInUse {
+    journal: Journal,
+    /// Set if the journal has entries.
+    is_used: bool,
+}
+
+impl Drop for KeptResults {
+    /// Removes a journal without entries, as of a command that refused its study.
+    fn drop(&mut self) {
+        let kept = self.journal.get_mut();
+        let kept = kept.unwrap_or_else(PoisonError::into_inner);
+        if !kept.is_used {
+            let _ = fs::remove_file(kept.journal.path()); // reported by the next command, if it is in the way
+        }
+    }
 }
 
 impl KeptResults {
@@ -71,11 +89,12 @@ impl KeptResults {
                 folder.display()
             );
         }
+        let is_used = !rows.is_empty() || !tries.is_empty();
         Ok(Self {
             folder: folder.to_owned(),
             rows,
             tries,
-            journal: Mutex::new(journal),
+            journal: Mutex::new(JournalInUse { journal, is_used }),
         })
     }
 
@@ -97,8 +116,9 @@ impl KeptResults {
         &self,
         entry: impl FnOnce(&mut Journal) -> io::Result<()>,
     ) -> Result<(), Failure> {
-        let mut journal = self.journal.lock().unwrap_or_else(PoisonError::into_inner);
-        entry(&mut journal).map_err(|error| cannot(&self.folder, &error))
+        let mut kept = self.journal.lock().unwrap_or_else(PoisonError::into_inner);
+        kept.is_used = true;
+        entry(&mut kept.journal).map_err(|error| cannot(&self.folder, &error))
     }
 
     /// Adds rows that are in the journal.
