@@ -71,6 +71,9 @@ pub enum Sampling {
     Sobol,
     /// Every combination.
     Grid,
+    /// Saltelli's scheme for Sobol' indices: two points of Sobol's sequence, and one for each value, which has that
+    /// value from the second and all others from the first.
+    Saltelli,
 }
 
 impl Sampling {
@@ -82,6 +85,7 @@ impl Sampling {
             Self::LatinHypercube => "latin-hypercube",
             Self::Sobol => "sobol",
             Self::Grid => "grid",
+            Self::Saltelli => "saltelli",
         }
     }
 }
@@ -231,6 +235,22 @@ impl Study {
     #[must_use]
     pub fn text(&self) -> &str {
         self.sources.whole(Sources::SCENARIO)
+    }
+
+    /// Returns the number of varied values that are drawn, not computed.
+    #[must_use]
+    pub fn drawn(&self) -> usize {
+        let drawn = |one: &&Varied| !matches!(one.spread, Spread::Expression(_));
+        self.varied.iter().filter(drawn).count()
+    }
+
+    /// Returns the number that the study gives as `cases`: that of draws, or of rows of Saltelli's scheme.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        match self.sampling {
+            Sampling::Saltelli => self.draws / (self.drawn() as u64 + 2),
+            _ => self.draws,
+        }
     }
 
     /// Returns the number of cases: each draw for each variant.

@@ -41,8 +41,8 @@ pub(crate) const STUDY: &[Key] = keys! {
         "Number of draws; each draw is one case of every variant. A grid has one draw for each of its points. Required, except for a grid and in a study with [search].";
     seed: integer_or(0, i64::MAX, 1),
         "Seed of the draws and of run.seed in each case, which is drawn too unless the study sets or varies it.";
-    sampling: choice(&["independent", "latin-hypercube", "sobol", "grid"]),
-        "Method of drawing values: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly but give no such probabilities; a grid takes all combinations of lists and ranges.";
+    sampling: choice(&["independent", "latin-hypercube", "sobol", "grid", "saltelli"]),
+        "Method of drawing values: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly but give no such probabilities; a grid takes all combinations of lists and ranges; Saltelli's scheme gives Sobol' indices, the share of a margin's variance that each value explains, for as many draws as `cases` times the number of values and 2.";
     confidence: number_or("1", 0.5, 0.999_999, 0.95), "Confidence of the bounds.";
     case_limit_s: number_or("s", 0.1, 1e6, 600.0),
         "Time after which a case counts as hung; its worker ends and another worker retries the case.";

@@ -70,6 +70,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
         "latin-hypercube" => Sampling::LatinHypercube,
         "sobol" => Sampling::Sobol,
         "grid" => Sampling::Grid,
+        "saltelli" => Sampling::Saltelli,
         _ => Sampling::Independent,
     };
     let varied = varied(reader, root, sampling, &mut homes);
@@ -323,7 +324,7 @@ fn correlations(
             let message = "a value is correlated with itself, or a correlation is given twice";
             reader.report_at(section, "names", ProblemKind::Duplicate, message);
         }
-        if matches!(sampling, Sampling::LatinHypercube | Sampling::Grid) {
+        if !matches!(sampling, Sampling::Independent | Sampling::Sobol) {
             let message = format!(
                 "correlations are not possible with sampling = \"{}\"",
                 sampling.name()
@@ -406,6 +407,9 @@ fn draws(
         None => None,
     };
     let most = MOST_CASES.cast_unsigned();
+    let drawn = { varied.iter() }
+        .filter(|one| !matches!(one.spread, Spread::Expression(_)))
+        .count();
     let draws = match (sampling, cases_key) {
         (Sampling::Grid, Some(_)) => {
             let message = "a grid has as many cases as points, so `cases` contradicts it";
@@ -418,11 +422,16 @@ fn draws(
             Spread::Choice(items) => product.saturating_mul(items.len() as u64),
             _ => product,
         }),
+        (Sampling::Saltelli, Some(rows)) => rows.cast_unsigned().saturating_mul(drawn as u64 + 2),
         (_, Some(cases_key)) => cases_key.cast_unsigned(),
         // The points of a search are not drawn.
         (_, None) if root.table.get("search").is_some() => 1,
         (_, None) => {
-            reader.missing(root, "cases", "a whole number of draws".into());
+            reader.missing(
+                root,
+                "cases",
+                "a whole number of draws, or [search] for hil search".into(),
+            );
             return None;
         }
     };
@@ -432,8 +441,15 @@ fn draws(
         return None;
     }
     let sobol = 1 << 32;
-    if sampling == Sampling::Sobol && (draws > sobol || varied.len() > super::MOST_SOBOL) {
-        let message = format!("Sobol' points support at most {} values", super::MOST_SOBOL);
+    let most_values = match sampling {
+        Sampling::Sobol if varied.len() > super::MOST_SOBOL => Some(super::MOST_SOBOL),
+        // Each value takes a dimension of either point.
+        Sampling::Saltelli if 2 * drawn > super::MOST_SOBOL => Some(super::MOST_SOBOL / 2),
+        Sampling::Sobol if draws > sobol => Some(super::MOST_SOBOL),
+        _ => None,
+    };
+    if let Some(most) = most_values {
+        let message = format!("Sobol' points support at most {most} values");
         reader.report_at(root, "sampling", ProblemKind::OutOfRange, message);
         return None;
     }

@@ -127,6 +127,21 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
         ("cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(), "has no confidence bounds"),
         ("cases = 1\n[[goals]]\nprobability = 0.9\nvariant = \"senario\"\n".into(), "nearest: `scenario`"),
+        (
+            format!(
+                "cases = 1\nsampling = \"saltelli\"\n{normal}{}[[correlate]]\nnames = [\"n\", \"m\"]\ncoefficient = 0.5\n",
+                normal.replace("a.n", "a.m")
+            ),
+            "correlations are not possible with sampling = \"saltelli\"",
+        ),
+        (
+            {
+                let one = |number| uniform.replace("a.b", &format!("a.b{number}"));
+                let all: String = (0..33).map(one).collect();
+                format!("cases = 1\nsampling = \"saltelli\"\n{all}")
+            },
+            "Sobol' points support at most 32 values",
+        ),
         ("cases = 100000001\n".into(), "a whole number from 1 to 100000000"),
         (
             format!(
@@ -235,4 +250,28 @@ requirement = "settles"
         (search.tolerance, search.probes, search.runs),
         (0.01, 3, 300)
     );
+}
+
+#[test]
+fn saltellis_scheme_has_two_draws_and_one_for_each_drawn_value_in_a_row() {
+    let text = r#"
+cases = 10
+sampling = "saltelli"
+[[vary]]
+key = "a.b"
+kind = "uniform"
+min = 1
+max = 3
+[[vary]]
+key = "a.c"
+kind = "uniform"
+min = 1
+max = 3
+[[vary]]
+key = "a.d"
+kind = "expression"
+expression = "b + c"
+"#;
+    let study = study(text);
+    assert_eq!((study.draws, study.rows(), study.drawn()), (40, 10, 2));
 }

@@ -9,6 +9,7 @@ use hil_config::problem::Problems;
 use hil_config::study::{Item, MOST_SOBOL, Sampling, Spread, Study, Varied};
 use shared_types::random::RandomStream;
 
+use crate::sensitivity::draws_of_row;
 use crate::table::Cell;
 use crate::{normal, permutation, sobol, truncated};
 
@@ -253,8 +254,22 @@ impl Draws {
             }
             Sampling::Sobol => {
                 let index = u32::try_from(draw).unwrap_or_default();
-                let shifted = sobol::point(index, *dimension) ^ (*key >> 32) as u32;
-                (f64::from(shifted) + 0.5) / (1_u64 << 32) as f64
+                sobol_number(index, *dimension, *key)
+            }
+            Sampling::Saltelli => {
+                let values = self.study.drawn() as u64;
+                let width = draws_of_row(values);
+                let index = u32::try_from(draw / width).unwrap_or_default();
+                // The first draw of a row is A, the second B, the others A with one value from B.
+                let part = draw % width;
+                match part == 1 || part == *dimension as u64 + 2 {
+                    false => sobol_number(index, *dimension, *key),
+                    // The other half of the key displaces the dimension by another amount.
+                    true => {
+                        let dimension = *dimension + self.study.drawn();
+                        sobol_number(index, dimension, key.rotate_left(32))
+                    }
+                }
             }
         }
     }
@@ -289,6 +304,12 @@ impl Draws {
             uniform[*place] = normal::cumulative(z);
         }
     }
+}
+
+/// Returns a number in (0, 1) of a dimension of Sobol's sequence, displaced by the upper half of a key.
+fn sobol_number(index: u32, dimension: usize, key: u64) -> f64 {
+    let shifted = sobol::point(index, dimension) ^ (key >> 32) as u32;
+    (f64::from(shifted) + 0.5) / (1_u64 << 32) as f64
 }
 
 /// Key of a varied value.

@@ -10,8 +10,8 @@
 //!    compared with it.
 //! 4. [`collect`] joins the published parts into one [table] and computes the campaign's digest.
 //! 5. [`curves`] over time are stored next to the table and used only for the plots of the report.
-//! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation
-//!    and [`mcnemar`]'s test.
+//! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation,
+//!    [`sensitivity`] indices and [`mcnemar`]'s test.
 //! 7. [`cmaes`] proposes points for searches.
 //! 8. [`command`] implements the verbs `hil campaign` and `hil search` on top of these; only this module knows scenarios,
 //!    programs and runs.
@@ -42,6 +42,7 @@ pub(crate) mod normal;
 pub(crate) mod order;
 mod permutation;
 pub mod rank;
+pub(crate) mod sensitivity;
 pub mod shard;
 mod sobol;
 pub mod table;
