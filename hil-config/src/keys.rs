@@ -66,7 +66,7 @@ pub(crate) use port::{FIELD, FIELDS, MEDIA, MEDIUM, MOST_FIELDS, MOST_FRAMES, PO
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{SEQUENCE_KIND, STIMULUS, WAVEFORMS};
-pub(crate) use study::{MOST_CASES, SPREADS, STUDY, VARY};
+pub(crate) use study::{MOST_CASES, PROBES, RUNS, SPREADS, STUDY, TOLERANCE, VARY};
 pub(crate) use tables::{DERIVED, TABLE_FILE};
 pub(crate) use waveforms::{MOST_PARTS, MOST_TONES, PART};
 

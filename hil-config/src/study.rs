@@ -51,6 +51,8 @@ pub struct Study {
     pub correlations: Vec<Correlation>,
     /// Requirements on the whole campaign.
     pub goals: Vec<Goal>,
+    /// Settings of a search.
+    pub search: Search,
     sources: Sources,
     /// Folder of the study, to which its paths are relative.
     folder: PathBuf,
@@ -69,6 +71,9 @@ pub enum Sampling {
     Sobol,
     /// Every combination.
     Grid,
+    /// Saltelli's scheme for Sobol' indices: two points of Sobol's sequence, and one for each value, which has that
+    /// value from the second and all others from the first.
+    Saltelli,
 }
 
 impl Sampling {
@@ -80,6 +85,7 @@ impl Sampling {
             Self::LatinHypercube => "latin-hypercube",
             Self::Sobol => "sobol",
             Self::Grid => "grid",
+            Self::Saltelli => "saltelli",
         }
     }
 }
@@ -96,6 +102,23 @@ pub struct Varied {
     /// `true` if only whole numbers are drawn: equally likely ones for uniform values, otherwise rounded to the
     /// nearest.
     pub is_whole: bool,
+    /// Value from which a search measures distances; `None` for the default.
+    pub nominal: Option<f64>,
+}
+
+/// Settings of a search for the point at which a requirement breaks.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Search {
+    /// Requirement whose failure is searched; `None` for any.
+    pub requirement: Option<String>,
+    /// Variant that is searched; `None` for the only one.
+    pub variant: Option<String>,
+    /// Largest distance between a failing point and its passing neighbour, in units of the ranges.
+    pub tolerance: f64,
+    /// Number of sizes between both ends that are tried before bisection.
+    pub probes: u64,
+    /// Largest number of runs.
+    pub runs: u64,
 }
 
 /// Distribution or set of a varied value.
@@ -174,6 +197,23 @@ pub struct Goal {
     pub confidence: f64,
 }
 
+impl Varied {
+    /// Returns the finite range of the values, and the value from which distances are measured; `None` for a value
+    /// without such a range.
+    #[must_use]
+    pub fn range(&self) -> Option<([f64; 2], f64)> {
+        let (range, usual) = match self.spread {
+            Spread::Uniform { min, max } => ([min, max], min),
+            Spread::Normal { mean, within, .. } => (within, mean),
+            Spread::Lognormal { median, within, .. } => (within, median),
+            Spread::Choice(_) | Spread::Expression(_) => return None,
+        };
+        let [min, max] = range;
+        let nominal = self.nominal.unwrap_or_else(|| usual.clamp(min, max));
+        (min.is_finite() && max.is_finite()).then_some((range, nominal))
+    }
+}
+
 impl Study {
     /// Reads a study file.
     ///
@@ -195,6 +235,22 @@ impl Study {
     #[must_use]
     pub fn text(&self) -> &str {
         self.sources.whole(Sources::SCENARIO)
+    }
+
+    /// Returns the number of varied values that are drawn, not computed.
+    #[must_use]
+    pub fn drawn(&self) -> usize {
+        let drawn = |one: &&Varied| !matches!(one.spread, Spread::Expression(_));
+        self.varied.iter().filter(drawn).count()
+    }
+
+    /// Returns the number that the study gives as `cases`: that of draws, or of rows of Saltelli's scheme.
+    #[must_use]
+    pub fn rows(&self) -> u64 {
+        match self.sampling {
+            Sampling::Saltelli => self.draws / (self.drawn() as u64 + 2),
+            _ => self.draws,
+        }
     }
 
     /// Returns the number of cases: each draw for each variant.

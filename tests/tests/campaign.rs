@@ -7,6 +7,7 @@ mod leaks;
 mod mistakes;
 mod own;
 mod page;
+mod sensitivity;
 mod slurm;
 mod trust;
 

@@ -58,6 +58,7 @@
 //! | [`report`] | pages of runs, against the recording and in a browser |
 //! | [`requirements`] | verdicts live and from the recording, and exit codes |
 //! | [`runs`] | listing and removal of runs, and the newest run by its name |
+//! | [`search`] | the smallest fault that breaks a requirement, and the worst case |
 //! | [`succession`] | loss of controllers, and handover to others |
 //! | [`suite`] | several runs by one command |
 //! | [`survival`] | every law with every kind of fault |
@@ -166,6 +167,7 @@ mod replay;
 mod report;
 mod requirements;
 mod runs;
+mod search;
 mod succession;
 mod suite;
 mod support;

@@ -7,6 +7,13 @@ use super::{
 /// Maximum number of cases in a campaign.
 pub(crate) const MOST_CASES: i64 = 100_000_000;
 
+/// Default of `tolerance` in `[search]`.
+pub(crate) const TOLERANCE: f64 = 0.01;
+/// Default of `probes` in `[search]`.
+pub(crate) const PROBES: i64 = 3;
+/// Default of `runs` in `[search]`.
+pub(crate) const RUNS: i64 = 300;
+
 const ANY: f64 = f64::MAX;
 
 const MIN: Key = key! { min!: number("", f64::MIN, ANY), "Smallest value." };
@@ -31,11 +38,11 @@ pub(crate) const STUDY: &[Key] = keys! {
     scenario!: TEXT, "The scenario, relative to the study.";
     set: KeyKind::Texts, "Scenario values that are changed for every case, each written as for --set.";
     cases: integer(1, MOST_CASES),
-        "Number of draws; each draw is one case of every variant. A grid has one draw for each of its points.";
+        "Number of draws; each draw is one case of every variant. A grid has one draw for each of its points. Required, except for a grid and in a study with [search].";
     seed: integer_or(0, i64::MAX, 1),
         "Seed of the draws and of run.seed in each case, which is drawn too unless the study sets or varies it.";
-    sampling: choice(&["independent", "latin-hypercube", "sobol", "grid"]),
-        "Method of drawing values: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly but give no such probabilities; a grid takes all combinations of lists and ranges.";
+    sampling: choice(&["independent", "latin-hypercube", "sobol", "grid", "saltelli"]),
+        "Method of drawing values: independent draws give probabilities with bounds; a Latin hypercube and Sobol' points cover the space more evenly but give no such probabilities; a grid takes all combinations of lists and ranges; Saltelli's scheme gives Sobol' indices, the share of a margin's variance that each value explains, for as many draws as `cases` times the number of values and 2.";
     confidence: number_or("1", 0.5, 0.999_999, 0.95), "Confidence of the bounds.";
     case_limit_s: number_or("s", 0.1, 1e6, 600.0),
         "Time after which a case counts as hung; its worker ends and another worker retries the case.";
@@ -48,6 +55,7 @@ pub(crate) const STUDY: &[Key] = keys! {
         "Versions that are compared on the same draws, such as control laws. Default: the scenario alone.";
     correlate: KeyKind::List(CORRELATE), "Correlations of normal and lognormal values.";
     goals: KeyKind::List(GOAL), "Goals that the campaign must meet to pass.";
+    search: KeyKind::Section(SEARCH), "Settings of hil search.";
 };
 
 /// `[[vary]]`.
@@ -56,6 +64,8 @@ pub(crate) const VARY: &[Key] = keys! {
         "The value of the scenario that varies, as --set names it. Default: none, for a value that only expressions use.";
     name: TEXT, "Name in expressions and tables. Default: the last part of the key.";
     kind!: TEXT, "Kind of variation.";
+    nominal: number("", f64::MIN, ANY),
+        "Value from which hil search measures distances. Default: the smallest value of a uniform range, the mean or median of another.";
 };
 
 /// Kinds of `[[vary]]`.
@@ -116,4 +126,15 @@ pub(crate) const GOAL: &[Key] = keys! {
     probability!: number("1", 0.0, 1.0), "Least probability.";
     confidence: number("1", 0.5, 0.999_999),
         "Confidence with which the probability must be shown, as a one-sided bound. Default: that of the study.";
+};
+
+/// `[search]`.
+pub(crate) const SEARCH: &[Key] = keys! {
+    requirement: TEXT, "Requirement whose failure is searched. Default: any.";
+    variant: TEXT, "Variant that is searched. Required if there are several.";
+    tolerance: number_or("1", 1e-9, 0.5, TOLERANCE),
+        "Largest distance between the failing point and its passing neighbour, as a share of the range.";
+    probes: integer_or(0, 1000, PROBES),
+        "Sizes between both ends that are tried before bisection, to see that everything fails beyond the first failure.";
+    runs: integer_or(2, 1_000_000, RUNS), "Largest number of runs.";
 };

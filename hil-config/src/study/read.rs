@@ -1,5 +1,6 @@
 //! Reader of studies: from text to checked values, or all problems.
 
+mod search;
 mod spread;
 
 use std::collections::HashSet;
@@ -16,6 +17,7 @@ use crate::reader::{Reader, Section};
 use crate::scenario::{Scenario, read_regular, root, unreadable};
 use crate::source::Place;
 use crate::title::{TITLE, is_title};
+use search::{nominal, search};
 use spread::{spread, whole};
 
 /// Columns of the table of results next to the varied values.
@@ -62,14 +64,13 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
     let folder = path.parent().unwrap_or(Path::new("")).to_owned();
     let scenario = reader.text(root, "scenario").map(|file| folder.join(file));
     let mut homes = Homes::default();
-    homes
-        .all
-        .push(("scenario".into(), root.place_of("scenario").clone()));
+    homes.add("scenario", root.place_of("scenario"));
     let set = homes.flags(reader, root, &[]);
     let sampling = match reader.text(root, "sampling")? {
         "latin-hypercube" => Sampling::LatinHypercube,
         "sobol" => Sampling::Sobol,
         "grid" => Sampling::Grid,
+        "saltelli" => Sampling::Saltelli,
         _ => Sampling::Independent,
     };
     let varied = varied(reader, root, sampling, &mut homes);
@@ -78,6 +79,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
     let confidence = reader.number(root, "confidence");
     let goals = goals(reader, root, confidence, sampling, &variants, &mut homes);
     let draws = draws(reader, root, sampling, &varied, variants.len() as u64);
+    let search = search(reader, root, &variants, &mut homes);
     let seed = reader
         .integer(root, "seed")
         .and_then(|seed| u64::try_from(seed).ok());
@@ -100,6 +102,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
         variants,
         correlations,
         goals,
+        search: search?,
         sources: source.sources.clone(),
         folder,
         homes: homes.all,
@@ -120,6 +123,11 @@ impl Homes {
             let message = format!("`{key}` is already set by this study");
             reader.report(ProblemKind::Duplicate, key, place, message);
         }
+        self.all.push((key.into(), place.clone()));
+    }
+
+    /// Adds the place of a key that is no flag.
+    fn add(&mut self, key: &str, place: &Place) {
         self.all.push((key.into(), place.clone()));
     }
 
@@ -184,6 +192,7 @@ fn varied(
             columns.push(Group::Derived, &name); // who names it in an expression has made no mistake there
             continue;
         };
+        let nominal = nominal(reader, section, &spread);
         if sampling == Sampling::Grid
             && !matches!(spread, Spread::Choice(_) | Spread::Expression(_))
         {
@@ -205,6 +214,7 @@ fn varied(
             key,
             spread,
             is_whole,
+            nominal,
         });
     }
     all
@@ -314,7 +324,7 @@ fn correlations(
             let message = "a value is correlated with itself, or a correlation is given twice";
             reader.report_at(section, "names", ProblemKind::Duplicate, message);
         }
-        if matches!(sampling, Sampling::LatinHypercube | Sampling::Grid) {
+        if !matches!(sampling, Sampling::Independent | Sampling::Sobol) {
             let message = format!(
                 "correlations are not possible with sampling = \"{}\"",
                 sampling.name()
@@ -372,7 +382,7 @@ fn goals(
         let probability = reader.number(section, "probability");
         if let (Some(probability), Some(confidence)) = (probability, own) {
             let home = format!("goals[{}]", all.len());
-            (homes.all).push((home, section.place_of("requirement").clone()));
+            homes.add(&home, section.place_of("requirement"));
             all.push(Goal {
                 requirement,
                 variant: variant.map(Into::into),
@@ -397,6 +407,9 @@ fn draws(
         None => None,
     };
     let most = MOST_CASES.cast_unsigned();
+    let drawn = { varied.iter() }
+        .filter(|one| !matches!(one.spread, Spread::Expression(_)))
+        .count();
     let draws = match (sampling, cases_key) {
         (Sampling::Grid, Some(_)) => {
             let message = "a grid has as many cases as points, so `cases` contradicts it";
@@ -409,9 +422,16 @@ fn draws(
             Spread::Choice(items) => product.saturating_mul(items.len() as u64),
             _ => product,
         }),
+        (Sampling::Saltelli, Some(rows)) => rows.cast_unsigned().saturating_mul(drawn as u64 + 2),
         (_, Some(cases_key)) => cases_key.cast_unsigned(),
+        // The points of a search are not drawn.
+        (_, None) if root.table.get("search").is_some() => 1,
         (_, None) => {
-            reader.missing(root, "cases", "a whole number of draws".into());
+            reader.missing(
+                root,
+                "cases",
+                "a whole number of draws, or [search] for hil search".into(),
+            );
             return None;
         }
     };
@@ -421,8 +441,15 @@ fn draws(
         return None;
     }
     let sobol = 1 << 32;
-    if sampling == Sampling::Sobol && (draws > sobol || varied.len() > super::MOST_SOBOL) {
-        let message = format!("Sobol' points support at most {} values", super::MOST_SOBOL);
+    let most_values = match sampling {
+        Sampling::Sobol if varied.len() > super::MOST_SOBOL => Some(super::MOST_SOBOL),
+        // Each value takes a dimension of either point.
+        Sampling::Saltelli if 2 * drawn > super::MOST_SOBOL => Some(super::MOST_SOBOL / 2),
+        Sampling::Sobol if draws > sobol => Some(super::MOST_SOBOL),
+        _ => None,
+    };
+    if let Some(most) = most_values {
+        let message = format!("Sobol' points support at most {most} values");
         reader.report_at(root, "sampling", ProblemKind::OutOfRange, message);
         return None;
     }

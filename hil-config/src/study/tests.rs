@@ -127,6 +127,21 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
         ("cases = 1\nsampling = \"sobol\"\n[[goals]]\nprobability = 0.9\n".into(), "has no confidence bounds"),
         ("cases = 1\n[[goals]]\nprobability = 0.9\nvariant = \"senario\"\n".into(), "nearest: `scenario`"),
+        (
+            format!(
+                "cases = 1\nsampling = \"saltelli\"\n{normal}{}[[correlate]]\nnames = [\"n\", \"m\"]\ncoefficient = 0.5\n",
+                normal.replace("a.n", "a.m")
+            ),
+            "correlations are not possible with sampling = \"saltelli\"",
+        ),
+        (
+            {
+                let one = |number| uniform.replace("a.b", &format!("a.b{number}"));
+                let all: String = (0..33).map(one).collect();
+                format!("cases = 1\nsampling = \"saltelli\"\n{all}")
+            },
+            "Sobol' points support at most 32 values",
+        ),
         ("cases = 100000001\n".into(), "a whole number from 1 to 100000000"),
         (
             format!(
@@ -144,6 +159,9 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ),
         ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nwhole = true\n".into(), "unknown key `whole`"),
         ("cases = 1\n[[variants]]\nname = \"a b\"\n".into(), "no name twice"),
+        ("cases = 1\n[search]\nvariant = \"senario\"\n".into(), "nearest: `scenario`"),
+        (format!("cases = 1\n{uniform}nominal = 2\n"), "a number from 0 to 1, the range of the value"),
+        ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, 2]\nnominal = 1\n".into(), "a value without a range has no nominal value"),
     ];
     for (text, message) in rows {
         let said = refused(&text);
@@ -196,4 +214,64 @@ fn a_grid_takes_whole_numbers_and_advice_is_given_for_others() {
         messages
             .any(|one| one.contains("set `whole = true` in its [[vary]] to draw whole numbers"))
     );
+}
+
+#[test]
+fn a_study_of_a_search_needs_no_cases_and_has_ranges_and_nominal_values() {
+    let text = r#"
+[[vary]]
+name = "factor"
+kind = "uniform"
+min = 1
+max = 3
+[[vary]]
+key = "a.mass"
+kind = "normal"
+mean = 5
+deviation = 1
+min = 4
+max = 8
+[[vary]]
+key = "a.gain"
+kind = "normal"
+mean = 5
+deviation = 1
+[search]
+requirement = "settles"
+"#;
+    let study = study(text);
+    assert_eq!(study.draws, 1);
+    let ranges: Vec<_> = study.varied.iter().map(Varied::range).collect();
+    let expected = [Some(([1.0, 3.0], 1.0)), Some(([4.0, 8.0], 5.0)), None];
+    assert_eq!(ranges, expected);
+    let search = study.search;
+    assert_eq!(search.requirement.as_deref(), Some("settles"));
+    assert_eq!(
+        (search.tolerance, search.probes, search.runs),
+        (0.01, 3, 300)
+    );
+}
+
+#[test]
+fn saltellis_scheme_has_two_draws_and_one_for_each_drawn_value_in_a_row() {
+    let text = r#"
+cases = 10
+sampling = "saltelli"
+[[vary]]
+key = "a.b"
+kind = "uniform"
+min = 1
+max = 3
+[[vary]]
+key = "a.c"
+kind = "uniform"
+min = 1
+max = 3
+[[vary]]
+key = "a.d"
+kind = "expression"
+expression = "b + c"
+"#;
+    let study = study(text);
+    assert_eq!((study.draws, study.rows(), study.drawn()), (40, 10, 2));
 }

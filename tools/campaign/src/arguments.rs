@@ -1,4 +1,6 @@
-//! The command lines of `hil campaign`.
+//! The command lines of `hil campaign` and, in [`search`], of `hil search`.
+
+pub mod search;
 
 use std::path::PathBuf;
 

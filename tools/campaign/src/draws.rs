@@ -6,9 +6,10 @@
 
 use hil_config::expression::{Columns, Group, Program};
 use hil_config::problem::Problems;
-use hil_config::study::{Item, MOST_SOBOL, Sampling, Spread, Study};
+use hil_config::study::{Item, MOST_SOBOL, Sampling, Spread, Study, Varied};
 use shared_types::random::RandomStream;
 
+use crate::sensitivity::draws_of_row;
 use crate::table::Cell;
 use crate::{normal, permutation, sobol, truncated};
 
@@ -153,25 +154,44 @@ impl Draws {
             .map(|source| self.uniform(source, draw))
             .collect();
         self.correlate(&mut uniform);
-        let mut values: Vec<Drawn> = Vec::with_capacity(uniform.len());
-        for ((source, u), one) in self.sources.iter().zip(uniform).zip(&self.study.varied) {
-            let value = match (source, &one.spread) {
-                (Source::Computed { program, from }, _) => {
+        self.computed(|place, one| match &one.spread {
+            Spread::Choice(items) => {
+                let last = items.len() - 1;
+                let drawn = (uniform[place] * items.len() as f64) as usize;
+                let index = self.chosen(draw, place, drawn);
+                Drawn::Item(items[index.min(last)].clone())
+            }
+            spread if one.is_whole => Drawn::Whole(whole(spread, uniform[place])),
+            spread => Drawn::Number(value(spread, uniform[place])),
+        })
+    }
+
+    /// Returns the varied values at a point, which has a number for each value that is not computed.
+    pub(crate) fn at(&self, point: &[f64]) -> Vec<Drawn> {
+        let mut point = point.iter();
+        self.computed(|_, one| {
+            let value = *point.next().unwrap_or(&f64::NAN);
+            match one.is_whole {
+                true => Drawn::Whole(rounded(value)),
+                false => Drawn::Number(value),
+            }
+        })
+    }
+
+    /// Completes values by those that are computed from them.
+    fn computed(&self, mut free: impl FnMut(usize, &Varied) -> Drawn) -> Vec<Drawn> {
+        let mut values: Vec<Drawn> = Vec::with_capacity(self.sources.len());
+        for (place, (source, one)) in self.sources.iter().zip(&self.study.varied).enumerate() {
+            values.push(match source {
+                Source::Computed { program, from } => {
                     let row: Vec<f64> = from.iter().map(|place| values[*place].number()).collect();
                     match (program.evaluate(&row), one.is_whole) {
                         (value, true) => Drawn::Whole(rounded(value)),
                         (value, false) => Drawn::Number(value),
                     }
                 }
-                (Source::Random { .. }, Spread::Choice(items)) => {
-                    let last = items.len() - 1;
-                    let index = self.chosen(draw, values.len(), (u * items.len() as f64) as usize);
-                    Drawn::Item(items[index.min(last)].clone())
-                }
-                (Source::Random { .. }, spread) if one.is_whole => Drawn::Whole(whole(spread, u)),
-                (Source::Random { .. }, spread) => Drawn::Number(value(spread, u)),
-            };
-            values.push(value);
+                Source::Random { .. } => free(place, one),
+            });
         }
         values
     }
@@ -194,14 +214,21 @@ impl Draws {
 
     /// Returns the flags of a case with these values.
     pub(crate) fn flags_of(&self, variant: usize, seed: u64, values: &[Drawn]) -> Vec<String> {
+        let mut flags = self.flags_with(variant, values);
+        if !flags.iter().any(|flag| flag.starts_with(SEED)) {
+            flags.push(format!("{SEED}{seed}"));
+        }
+        flags
+    }
+
+    /// Returns the flags that set these values and nothing else: without a seed of its own, a case has that of the
+    /// scenario.
+    pub(crate) fn flags_with(&self, variant: usize, values: &[Drawn]) -> Vec<String> {
         let study = &self.study;
         let mut flags = study.set.clone();
         flags.extend(study.variants[variant].set.iter().cloned());
         for (one, value) in study.varied.iter().zip(values) {
             flags.extend(one.key.iter().map(|key| format!("{key}={}", value.toml())));
-        }
-        if !flags.iter().any(|flag| flag.starts_with(SEED)) {
-            flags.push(format!("{SEED}{seed}"));
         }
         flags
     }
@@ -227,8 +254,22 @@ impl Draws {
             }
             Sampling::Sobol => {
                 let index = u32::try_from(draw).unwrap_or_default();
-                let shifted = sobol::point(index, *dimension) ^ (*key >> 32) as u32;
-                (f64::from(shifted) + 0.5) / (1_u64 << 32) as f64
+                sobol_number(index, *dimension, *key)
+            }
+            Sampling::Saltelli => {
+                let values = self.study.drawn() as u64;
+                let width = draws_of_row(values);
+                let index = u32::try_from(draw / width).unwrap_or_default();
+                // The first draw of a row is A, the second B, the others A with one value from B.
+                let part = draw % width;
+                match part == 1 || part == *dimension as u64 + 2 {
+                    false => sobol_number(index, *dimension, *key),
+                    // The other half of the key displaces the dimension by another amount.
+                    true => {
+                        let dimension = *dimension + self.study.drawn();
+                        sobol_number(index, dimension, key.rotate_left(32))
+                    }
+                }
             }
         }
     }
@@ -263,6 +304,12 @@ impl Draws {
             uniform[*place] = normal::cumulative(z);
         }
     }
+}
+
+/// Returns a number in (0, 1) of a dimension of Sobol's sequence, displaced by the upper half of a key.
+fn sobol_number(index: u32, dimension: usize, key: u64) -> f64 {
+    let shifted = sobol::point(index, dimension) ^ (key >> 32) as u32;
+    (f64::from(shifted) + 0.5) / (1_u64 << 32) as f64
 }
 
 /// Key of a varied value.

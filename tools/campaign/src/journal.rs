@@ -18,7 +18,6 @@ use rustix::fs::{FlockOperation, flock};
 use serde::{Deserialize, Serialize};
 use tempfile::NamedTempFile;
 
-use crate::folder::Folder;
 use crate::table::{Cell, Row};
 
 /// Longest time before rows are synced to disk.
@@ -260,9 +259,12 @@ pub(crate) fn paths(shard: &Path) -> io::Result<Vec<PathBuf>> {
     Ok(paths)
 }
 
-/// Reads a journal of this campaign up to the first invalid line; `None` if the journal is gone or belongs to another
-/// campaign.
-pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<JournalContent>> {
+/// Reads a journal up to the first invalid line; `None` if the journal is gone, or belongs to a campaign whose identity
+/// is not valid here.
+pub(crate) fn read(
+    path: &Path,
+    is_valid: impl Fn(&str) -> bool,
+) -> io::Result<Option<JournalContent>> {
     let mut file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -279,7 +281,7 @@ pub(crate) fn read(path: &Path, folder: &Folder) -> io::Result<Option<JournalCon
     let Some(Line::Of { campaign: of, host }) = lines.next() else {
         return Ok(None);
     };
-    if !folder.has_results_of(&of) {
+    if !is_valid(&of) {
         return Ok(None);
     }
     let mut content = JournalContent {

@@ -10,10 +10,11 @@
 //!    compared with it.
 //! 4. [`collect`] joins the published parts into one [table] and computes the campaign's digest.
 //! 5. [`curves`] over time are stored next to the table and used only for the plots of the report.
-//! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation
-//!    and [`mcnemar`]'s test.
-//! 7. [`command`] implements the verb `hil campaign` on top of these; only this module knows scenarios, programs and
-//!    runs.
+//! 6. The statistics are [`binomial`] bounds of probabilities, bounds of quantiles ([`order`]), [`rank`] correlation,
+//!    [`sensitivity`] indices and [`mcnemar`]'s test.
+//! 7. [`cmaes`] proposes points for searches.
+//! 8. [`command`] implements the verbs `hil campaign` and `hil search` on top of these; only this module knows scenarios,
+//!    programs and runs.
 //!
 //! Runs themselves are executed by [`hil_run`]. Apart from [`command`], the modules use only the studies and
 //! expressions of `hil-config`; they check no scenario and know no plant.
@@ -28,6 +29,7 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
 pub mod binomial;
+mod cmaes;
 pub(crate) mod collect;
 pub mod command;
 pub(crate) mod curves;
@@ -40,6 +42,7 @@ pub(crate) mod normal;
 pub(crate) mod order;
 mod permutation;
 pub mod rank;
+pub(crate) mod sensitivity;
 pub mod shard;
 mod sobol;
 pub mod table;

@@ -145,7 +145,7 @@ impl<'a> Shard<'a> {
             paths => paths?,
         };
         for path in paths {
-            if let Some(content) = journal::read(&path, self.folder)? {
+            if let Some(content) = journal::read(&path, |id| self.folder.has_results_of(id))? {
                 is_alive |= !content.is_dead;
                 cases.extend(content.rows.into_keys());
             }
@@ -198,7 +198,8 @@ impl<'a> Shard<'a> {
 
     /// Compares the rows of a journal with the result, and records the first difference.
     fn compare(&self, journal: &Path) -> Result<(), PartError> {
-        let content = journal::read(journal, self.folder).map_err(PartError::Io)?;
+        let content =
+            journal::read(journal, |id| self.folder.has_results_of(id)).map_err(PartError::Io)?;
         let Some(content) = content.filter(|content| !content.rows.is_empty()) else {
             return Ok(());
         };

@@ -11,9 +11,10 @@ use crate::binomial;
 use crate::collect::Collected;
 use crate::manifest::Manifest;
 use crate::rank::Order;
+use crate::sensitivity::Indices;
 use crate::table::{CLASS, Column, LOST, Row};
-use crate::{order, rank};
-use hil_config::study::{Goal, Sampling, Study};
+use crate::{order, rank, sensitivity};
+use hil_config::study::{Goal, Sampling, Spread, Study, Varied};
 use hil_facts::results::requirements;
 use serde::Serialize;
 use shared_types::table::number;
@@ -100,6 +101,17 @@ pub(super) struct RequirementAnswer {
     pub(super) correlations: Vec<(String, f64)>,
     /// Set if the margins differ only by rounding, so that they correlate with nothing.
     pub(super) is_rounding: bool,
+    /// Sobol' indices of the margin for each drawn value; empty unless the sampling gives them and every margin is
+    /// finite.
+    pub(super) indices: Vec<IndicesAnswer>,
+}
+
+/// Sobol' indices of a varied value.
+#[derive(Debug, Serialize)]
+pub(super) struct IndicesAnswer {
+    pub(super) name: String,
+    #[serde(flatten)]
+    pub(super) indices: Indices,
 }
 
 /// Quantile of a margin.
@@ -265,6 +277,7 @@ fn answer(
             worst: worst.collect(),
             correlations,
             is_rounding,
+            indices: indices(study, margins, is_rounding),
         }
     });
     let mut diverged = cases.diverged;
@@ -277,6 +290,23 @@ fn answer(
         requirements: requirements.collect(),
         diverged,
     }
+}
+
+/// Computes the Sobol' indices of margins in the order of the draws.
+fn indices(study: &Study, margins: &[f64], is_rounding: bool) -> Vec<IndicesAnswer> {
+    let is_whole = margins.len() as u64 == study.draws;
+    if study.sampling != Sampling::Saltelli || !is_whole || is_rounding {
+        return Vec::new();
+    }
+    let all = sensitivity::indices(margins, study.drawn(), study.confidence, study.seed);
+    let drawn = |one: &&Varied| !matches!(one.spread, Spread::Expression(_));
+    let names = study.varied.iter().filter(drawn);
+    let named = names.zip(all.into_iter().flatten());
+    let named = named.map(|(one, indices)| IndicesAnswer {
+        name: one.name.clone(),
+        indices,
+    });
+    named.collect()
 }
 
 /// Replaces all finite margins by the same value, so that only infinite margins differ.

@@ -312,7 +312,15 @@ impl Cases {
     /// # Errors
     /// See [`plan`](Self::plan); also an objection of the plant or the law.
     pub(super) fn check(&self, case: u64) -> Result<Plan, Failure> {
-        let plan = self.plan(case)?;
+        self.checked(self.draws.flags(case))
+    }
+
+    /// Builds the plan of a case with the given flags and validates it as [`check`](Self::check) does.
+    ///
+    /// # Errors
+    /// See [`check`](Self::check).
+    pub(super) fn checked(&self, flags: Vec<String>) -> Result<Plan, Failure> {
+        let plan = self.planned(flags)?;
         alone::refuse_clock(&plan)?;
         if let Rig::BuiltIn(described) = &self.rig {
             alone::check(&plan, described)?;

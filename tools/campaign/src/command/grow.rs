@@ -98,13 +98,17 @@ fn refuse(study: &Study, draws: u64) -> Result<(), Failure> {
         Sampling::Grid => {
             "a grid has one draw per point, so adding draws would change its cases: plan another campaign"
         }
-        Sampling::Independent | Sampling::Sobol if draws <= study.draws => {
+        Sampling::Independent | Sampling::Sobol | Sampling::Saltelli if draws <= study.rows() => {
+            let word = match study.sampling {
+                Sampling::Saltelli => "row",
+                _ => "draw",
+            };
             return Err(Failure::usage(format!(
                 "--cases {draws}: the campaign already has {}, and draws are never removed",
-                counted(study.draws, "draw")
+                counted(study.rows(), word)
             )));
         }
-        Sampling::Independent | Sampling::Sobol => return Ok(()),
+        Sampling::Independent | Sampling::Sobol | Sampling::Saltelli => return Ok(()),
     };
     Err(Failure::usage(why))
 }

@@ -1,11 +1,12 @@
-//! `hil campaign`: large numbers of cases of one scenario, run on the cores of this and other machines. Draws,
+//! `hil campaign` and `hil search`: large numbers of cases of one scenario, run on the cores of this and other machines. Draws,
 //! statistics and tables come from [the rest of this package](crate::draws), runs from [`hil_run`].
 //!
 //! 1. [`cases`] combines a study with its scenario and programs: the plan of each case, and its row.
 //! 2. [`plan`] checks a study and writes the folder that all workers share; [`grow`] adds cases to it.
 //! 3. [`values`] writes and checks the table of all values; [`planned`] refuses a folder whose programs others could
 //!    have written, before any of them runs.
-//! 4. [`work`] is the worker that every engine starts; [`workers`] and [`slurm`] start it.
+//! 4. [`runner`] runs single cases. [`work`] is the worker that every engine starts for the cases of a campaign;
+//!    [`workers`] and [`slurm`] start it. The [`evaluator`] runs chosen points for [`search`](mod@search).
 //! 5. [`collect`] joins the results, [`answers`] evaluates them, [`show`] prints the evaluation and
 //!    [`report`](mod@report) plots it; [`case`] runs a single case again.
 
@@ -15,11 +16,14 @@ mod cases;
 mod collect;
 mod compare;
 mod envelopes;
+pub mod evaluator;
 mod grow;
 mod plan;
 mod planned;
 mod report;
 mod result;
+mod runner;
+mod search;
 mod show;
 mod slurm;
 mod status;
@@ -37,6 +41,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use crate::manifest::MANIFEST;
 
 use crate::arguments::CampaignAction;
+use crate::arguments::search::SearchAction;
 
 /// Runs the command.
 ///
@@ -56,6 +61,14 @@ pub fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
         CampaignAction::Case(arguments) => case::case(arguments),
         CampaignAction::Compare(arguments) => compare::compare(arguments),
     }
+}
+
+/// Runs `hil search`.
+///
+/// # Errors
+/// Everything that prevents the command from completing.
+pub fn search(action: &SearchAction) -> Result<Exit, Failure> {
+    search::search(action)
 }
 
 /// Returns `true` if the path is the folder of a campaign.

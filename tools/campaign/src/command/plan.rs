@@ -265,15 +265,20 @@ pub(super) fn refuse_ineffective(cases: &Cases) -> Result<(), Failure> {
             };
         }
         if !is_effective {
-            return Err(Problems(vec![study.problem_of(
-                key,
-                &format!("`{key}` has no effect in the scenario that runs"),
-                "the scenario may set the same value under another name, or use another law; `hil config show` prints what runs",
-            )])
-            .into());
+            return Err(ineffective(study, key));
         }
     }
     Ok(())
+}
+
+/// Creates the error for a key without an effect.
+pub(super) fn ineffective(study: &Study, key: &str) -> Failure {
+    let problem = study.problem_of(
+        key,
+        &format!("`{key}` has no effect in the scenario that runs"),
+        "the scenario may set the same value under another name, or use another law; `hil config show` prints what runs",
+    );
+    Problems(vec![problem]).into()
 }
 
 /// Refuses goals for requirements that the scenario does not have.

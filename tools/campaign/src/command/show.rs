@@ -10,7 +10,9 @@ use crate::collect::Collected;
 use crate::folder::Folder;
 use shared_types::number::{counted, short, unit_shown};
 
-use super::answers::{self, Answers, BoundsAnswer, Gathered, QuantileAnswer, Share, VariantAnswer};
+use super::answers::{
+    self, Answers, BoundsAnswer, Gathered, IndicesAnswer, QuantileAnswer, Share, VariantAnswer,
+};
 use super::collect::{self, set_aside};
 use super::planned::study;
 use super::quoted;
@@ -117,7 +119,7 @@ fn write(text: &mut String, answers: &Answers, folder_text: &str) -> std::fmt::R
     writeln!(text)?;
     classes(text, answers)?;
     for variant in &answers.variants {
-        requirements(text, variant, folder_text)?;
+        requirements(text, variant, *sampling == "saltelli", folder_text)?;
     }
     for goal in &answers.goals {
         let what = goal.requirement.as_deref().unwrap_or("pass");
@@ -176,7 +178,12 @@ pub(super) fn bounds(share: Share) -> String {
     }
 }
 
-fn requirements(text: &mut String, variant: &VariantAnswer, folder_text: &str) -> std::fmt::Result {
+fn requirements(
+    text: &mut String,
+    variant: &VariantAnswer,
+    is_saltelli: bool,
+    folder_text: &str,
+) -> std::fmt::Result {
     if variant.requirements.is_empty() {
         return Ok(());
     }
@@ -228,6 +235,17 @@ fn requirements(text: &mut String, variant: &VariantAnswer, folder_text: &str) -
             .collect();
         if !strong.is_empty() {
             table.line(format!("    margin follows {}", strong.join(", ")));
+        }
+        for IndicesAnswer { name, indices } in &one.indices {
+            let share = |value: f64, within: f64| format!("{} +- {}", short(value), short(within));
+            table.line(format!(
+                "    {name} explains {} of the variance alone, {} with its interactions",
+                share(indices.first, indices.first_within),
+                share(indices.total, indices.total_within)
+            ));
+        }
+        if is_saltelli && one.indices.is_empty() && !one.is_rounding {
+            table.line("    no Sobol' indices: they need a finite margin of every case, and margins that differ");
         }
         if one.is_rounding {
             table.line("    margin varies by rounding only");

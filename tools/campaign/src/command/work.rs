@@ -1,15 +1,13 @@
 //! The worker: runs the cases of free shards, one after another, until no shard is free.
 //!
 //! Every engine starts this worker, which depends on none of them. Whatever ends a worker, its finished cases are in
-//! the journal. A case that kills three workers, or that fails three times, is set aside and its shard continues. Where
-//! processes are reused, some cases are verified in new processes before they count, and a difference stops the
-//! worker.
+//! the journal. A case that kills three workers, or that fails three times, is set aside and its shard continues. The
+//! [runner](super::runner) runs each case.
 
 use std::cell::RefCell;
 use std::io::Read;
 use std::path::Path;
-use std::sync::{Arc, Mutex, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
@@ -19,24 +17,23 @@ use hil_run::kept::Kept;
 
 use crate::folder::{Conflict, Folder};
 use crate::manifest::ManifestError;
-use crate::shard::attempt::{Attempt, Published, difference};
-use crate::shard::{MOST_TRIES, PartError, Shard, missing};
-use crate::table::Row;
-use hil_session::session;
+use crate::shard::attempt::{Attempt, Published};
+use crate::shard::{PartError, Shard, missing};
+use crate::table::{Column, Row};
+use hil_config::plan::Plan;
 use rustix::process::{Signal, getpid, kill_process};
 
 use super::answers::class_of;
 use super::cases::Cases;
 use super::planned::{self, become_planned, cannot};
 use super::result::CaseResult;
+use super::runner::{Case, Runner, Watchdog};
 use crate::arguments::WorkArguments;
 
 /// Message of a worker when a case had another result in new processes.
 pub(super) const DIFFERS: &str = "differs";
 /// Message of a worker that cannot continue, followed by the reason as a JSON string.
 pub(super) const FAILED: &str = "failed ";
-/// Interval between two checks of the watchdog.
-const LOOK: Duration = Duration::from_millis(100);
 
 /// Works on the requested shards.
 ///
@@ -67,7 +64,7 @@ fn run_shards(arguments: &WorkArguments) -> Result<Exit, Failure> {
     let _wire = planned::lock_port(&folder)?;
     let cases = Cases::of_folder(&folder, &interruption)?;
     let worker = Worker {
-        watchdog: Watchdog::begin(cases.study().case_limit_s),
+        watchdog: Watchdog::begin(cases.study().case_limit_s, "its worker"),
         processes: RefCell::new(Kept::new(cases.study().wait_limit_s)),
         cases,
         folder: &folder,
@@ -212,110 +209,24 @@ impl Worker<'_> {
 
     /// Runs a case until it has a row, with its curve if one is recorded.
     fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<(Row, Option<Curve>), Failure> {
-        let columns = &self.folder.manifest().columns;
-        let mut tries = attempt.tries(case);
-        let mut why = format!("the case killed its worker {tries} times");
-        while tries < MOST_TRIES {
-            attempt
-                .start(case)
-                .map_err(|error| cannot(self.folder, &error))?;
-            self.tell(&format!("start {case}"))?;
-            tries += 1;
-            match self.try_once(case) {
-                Ok((row, result)) if crate::table::fits(&row, columns) => {
-                    if result.is_to_check {
-                        // Verified before it counts: if the worker dies meanwhile, the case has no row.
-                        self.check(case, &row)?;
-                    }
-                    return Ok((row, result.curve));
-                }
-                Ok(_) => {
-                    why = "its results have different columns from those of the first case".into()
-                }
-                Err(Failure::Interrupted) => {
-                    let result = attempt.leave(case);
-                    result.map_err(|error| cannot(self.folder, &error))?;
-                    return Err(Failure::Interrupted);
-                }
-                Err(failure) => {
-                    why = failure.to_string();
-                    // An invalid case stays invalid.
-                    tries += if matches!(failure, Failure::Usage(_)) {
-                        MOST_TRIES
-                    } else {
-                        0
-                    };
-                }
+        let runner = Runner {
+            cases: &self.cases,
+            watchdog: &self.watchdog,
+            interruption: &self.interruption,
+        };
+        let mut one = ShardCase {
+            worker: self,
+            case,
+            attempt,
+        };
+        match runner.run(&mut one, &mut self.processes.borrow_mut())? {
+            Ok(row) => Ok(row),
+            Err(why) => {
+                tell!("case {case} is set aside: {why}");
+                let columns = &self.folder.manifest().columns;
+                Ok((self.cases.lost(case, columns, &why), None))
             }
         }
-        tell!("case {case} is set aside: {why}");
-        Ok((self.cases.lost(case, columns, &why), None))
-    }
-
-    /// Runs a case again in new processes and compares the results.
-    ///
-    /// # Errors
-    /// If the results differ, or the new processes give no result.
-    fn check(&self, case: u64, row: &Row) -> Result<(), Failure> {
-        let columns = &self.folder.manifest().columns;
-        let fresh = self.fresh(case)?;
-        let Some(conflict) = difference(row, &fresh, columns, "new processes") else {
-            return Ok(());
-        };
-        let noted = self.folder.note(&conflict);
-        noted.map_err(|error| cannot(self.folder, &error))?;
-        let Conflict {
-            column,
-            first,
-            second,
-            ..
-        } = conflict;
-        let advice = match difference(&fresh, &self.fresh(case)?, columns, "") {
-            None => {
-                "the plant or the controller keeps state from one run to the next, for example in a static variable. Fix it, or plan the campaign again with `fresh_processes = true` in its study"
-            }
-            Some(_) => {
-                "a second pair of new processes gave yet another value: the plant or the controller depends on more than its inputs, such as a clock, a file or a random seed"
-            }
-        };
-        self.tell(DIFFERS)?; // whoever hears it ends all workers
-        Err(Failure::Differ(format!(
-            "case {case}: {column} is {first} in processes that ran earlier cases, but {second} in new ones; {advice}"
-        )))
-    }
-
-    /// Runs a case in new processes.
-    fn fresh(&self, case: u64) -> Result<Row, Failure> {
-        let plan = self.cases.plan(case)?;
-        let mut tries = 0;
-        loop {
-            let _watched = self.watchdog.watch(case);
-            tries += 1;
-            match self.cases.run_fresh(&plan, &self.interruption) {
-                Ok(result) => return Ok(self.cases.row(case, &result)),
-                Err(Failure::Infrastructure(_)) if tries < MOST_TRIES => {}
-                Err(Failure::Infrastructure(why)) => {
-                    return Err(Failure::infrastructure(format!(
-                        "case {case} has a result in processes that ran earlier cases, but none in new ones: {why}"
-                    )));
-                }
-                Err(failure) => return Err(failure),
-            }
-        }
-    }
-
-    fn try_once(&self, case: u64) -> Result<(Row, CaseResult), Failure> {
-        let _watched = self.watchdog.watch(case);
-        let run = || {
-            let plan = self.cases.plan(case)?;
-            let result =
-                self.cases
-                    .run(&plan, &mut self.processes.borrow_mut(), &self.interruption)?;
-            Ok((self.cases.row(case, &result), result))
-        };
-        // The state of a panicked run is discarded, so it cannot be observed broken.
-        std::panic::catch_unwind(std::panic::AssertUnwindSafe(run))
-            .unwrap_or_else(|panic| Err(Failure::panicked("the run", &*panic)))
     }
 
     fn tell(&self, line: &str) -> Result<(), Failure> {
@@ -326,46 +237,58 @@ impl Worker<'_> {
     }
 }
 
-/// Kills the process when a case takes too long: a law in an endless loop cannot be ended otherwise.
-struct Watchdog(Arc<Mutex<Option<(u64, Instant)>>>);
+/// Case of a shard.
+struct ShardCase<'a, 'w, 's> {
+    worker: &'a Worker<'w>,
+    case: u64,
+    attempt: &'a mut Attempt<'s>,
+}
 
-/// Guard of a case under watch.
-struct Watched<'a>(&'a Watchdog);
-
-impl Watchdog {
-    fn begin(limit_s: f64) -> Self {
-        let limit = Duration::from_secs_f64(limit_s);
-        let watched = Arc::<Mutex<Option<(u64, Instant)>>>::default();
-        let shared = Arc::clone(&watched);
-        std::thread::spawn(move || {
-            loop {
-                std::thread::sleep(LOOK);
-                let case = *shared.lock().unwrap_or_else(PoisonError::into_inner);
-                if let Some((case, _)) = case.filter(|(_, since)| since.elapsed() > limit) {
-                    tell!(
-                        "error: case {case} took longer than {limit_s} s (case_limit_s); killing its worker"
-                    );
-                    session::abandon();
-                    let _ = kill_process(getpid(), Signal::KILL); // cannot fail for its own process
-                }
-            }
-        });
-        Self(watched)
-    }
-
-    fn watch(&self, case: u64) -> Watched<'_> {
-        self.set(Some((case, Instant::now())));
-        Watched(self)
-    }
-
-    fn set(&self, case: Option<(u64, Instant)>) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = case;
+impl ShardCase<'_, '_, '_> {
+    fn cannot(&self, error: &std::io::Error) -> Failure {
+        cannot(self.worker.folder, error)
     }
 }
 
-impl Drop for Watched<'_> {
-    fn drop(&mut self) {
-        self.0.set(None);
+impl Case for ShardCase<'_, '_, '_> {
+    fn label(&self) -> String {
+        format!("case {}", self.case)
+    }
+
+    fn tries(&self) -> u64 {
+        self.attempt.tries(self.case)
+    }
+
+    fn plan(&self) -> Result<Plan, Failure> {
+        self.worker.cases.plan(self.case)
+    }
+
+    fn row(&self, result: &CaseResult) -> Row {
+        self.worker.cases.row(self.case, result)
+    }
+
+    fn columns(&self, _: &CaseResult) -> Vec<Column> {
+        self.worker.folder.manifest().columns.clone()
+    }
+
+    fn start(&mut self) -> Result<(), Failure> {
+        let started = self.attempt.start(self.case);
+        started.map_err(|error| self.cannot(&error))?;
+        self.worker.tell(&format!("start {}", self.case))
+    }
+
+    fn leave(&mut self) -> Result<(), Failure> {
+        let left = self.attempt.leave(self.case);
+        left.map_err(|error| self.cannot(&error))
+    }
+
+    fn differs(&mut self, conflict: &Conflict) -> Result<(), Failure> {
+        let noted = self.worker.folder.note(conflict);
+        noted.map_err(|error| self.cannot(&error))
+    }
+
+    fn ends(&mut self) -> Result<(), Failure> {
+        self.worker.tell(DIFFERS) // whoever hears it ends all workers
     }
 }
 

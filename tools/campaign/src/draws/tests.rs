@@ -291,3 +291,16 @@ whole = true
         );
     }
 }
+
+#[test]
+fn a_row_of_saltellis_scheme_mixes_two_points_value_by_value() {
+    let one = "[[vary]]\nkey = \"a.x\"\nkind = \"uniform\"\nmin = 0\nmax = 1\n";
+    let text = format!("{one}{}", one.replace("a.x", "a.y"));
+    let draws = draws(&format!("cases = 3\nsampling = \"saltelli\"\n{text}"));
+    assert_eq!(draws.study().draws, 12);
+    for row in 0..3 {
+        let [a, b, first, second] = [0, 1, 2, 3].map(|part| numbers(&draws, 4 * row + part));
+        assert!(a[0] != b[0] && a[1] != b[1], "{a:?} {b:?}");
+        assert_eq!((first, second), (vec![b[0], a[1]], vec![a[0], b[1]]));
+    }
+}

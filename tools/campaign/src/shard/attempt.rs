@@ -68,7 +68,8 @@ impl<'a> Attempt<'a> {
     }
 
     fn take_over(&mut self, path: &Path) -> io::Result<()> {
-        let Some(content) = journal::read(path, self.shard.folder)? else {
+        let is_valid = |id: &str| self.shard.folder.has_results_of(id);
+        let Some(content) = journal::read(path, is_valid)? else {
             return Ok(());
         };
         let columns = &self.shard.folder.manifest().columns;

@@ -96,7 +96,10 @@ impl FileKind {
                 "a scenario",
                 "`hil run`, `hil config check` and `hil config show`",
             ),
-            Self::Study => ("a study", "`hil campaign check` and `hil campaign plan`"),
+            Self::Study => (
+                "a study",
+                "`hil campaign check`, `hil campaign plan` and `hil search`",
+            ),
             Self::Recording => (
                 "a recording",
                 "`hil report`, `hil judge`, `hil export` and `hil rerun`",

@@ -19,6 +19,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use hil_benchmark::arguments::{LatencyArguments, LatencyPeerArguments};
 use hil_campaign::arguments::CampaignCommand;
+use hil_campaign::arguments::search::SearchCommand;
 use hil_doctor::arguments::DoctorArguments;
 use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
@@ -101,6 +102,9 @@ pub enum Command {
     /// Run many cases of a scenario: check, plan, run, submit, show
     #[command(after_help = hil_campaign::arguments::EXAMPLES)]
     Campaign(CampaignCommand),
+    /// Search the smallest fault, delay or gain that breaks a requirement, or the worst case
+    #[command(after_help = hil_campaign::arguments::search::EXAMPLES)]
+    Search(SearchCommand),
     /// Repeat a recorded run with its late commands; compare digests
     #[command(
         after_help = "Exit codes: 0 the same digest; 1 another.\n\nExample:\n  hil rerun runs/demo"
@@ -186,7 +190,7 @@ const GROUPS: [(&str, &[&str]); 4] = [
     (
         "Run",
         &[
-            "run", "new", "describe", "campaign", "margins", "config", "rerun",
+            "run", "new", "describe", "campaign", "search", "margins", "config", "rerun",
         ],
     ),
     (

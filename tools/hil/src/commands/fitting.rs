@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use hil_campaign::arguments::CampaignAction;
+use hil_campaign::arguments::search::SearchAction;
 
 use hil_console::files::kind::FileKind::{
     self, Campaign, Fmu, Port, Program, Recording, Scenario, Study,
@@ -49,6 +50,11 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             CampaignAction::Grow(it) => (vec![it.folder.as_path()], &[Campaign]),
             CampaignAction::Submit(it) => (vec![it.folder.as_path()], &[Campaign]),
             CampaignAction::Work(it) => (vec![it.folder.as_path()], &[Campaign]),
+        },
+        Command::Search(arguments) => match &arguments.action {
+            SearchAction::Smallest(it) | SearchAction::Worst(it) => {
+                (vec![it.study.as_path()], &[Study])
+            }
         },
         Command::Latency(arguments) => {
             let paths = arguments.run.iter().map(PathBuf::as_path);

@@ -89,6 +89,7 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         },
         Command::Margins(arguments) => margins::margins(arguments),
         Command::Campaign(arguments) => campaign::campaign(&arguments.action),
+        Command::Search(arguments) => campaign::search(&arguments.action),
         Command::Rerun(arguments) => rerun::rerun(arguments),
         Command::Replay(arguments) => replay::replay(arguments),
         Command::Compare(arguments) => match &arguments.baseline {

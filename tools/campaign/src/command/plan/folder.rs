@@ -46,12 +46,12 @@ pub(super) fn refuse_other(out: &Path, checked: &Checked) -> Result<(), Failure>
     let study = fs::read_to_string(out.join(&existing.study.path));
     let study = study
         .ok()
-        .and_then(|text| with_cases(&text, checked.cases.study().draws));
+        .and_then(|text| with_cases(&text, checked.cases.study().rows()));
     if differences.len() == 1 && study.as_deref() == Some(checked.cases.study().text()) {
         return Err(Failure::usage(format!(
             "{out_text} holds this campaign with another number of cases; hil campaign grow {} --cases {} adds cases to it",
             quoted(out),
-            checked.cases.study().draws
+            checked.cases.study().rows()
         )));
     }
     Err(Failure::usage(if differences.is_empty() {
