@@ -73,6 +73,14 @@ fn a_campaign_with_a_port_as_controller_runs_one_case_after_another() {
     // The folder of the campaign has what the port starts.
     std::fs::remove_file(rig.path("peer.py")).expect("removed");
     std::fs::remove_file(rig.path("bench.port.toml")).expect("removed");
+    let port = std::fs::File::open(rig.path("planned/port/controller.port.toml"));
+    let port = port.expect("a copy of the port file");
+    // As a worker does that runs beside.
+    port.lock().expect("nobody uses the wire");
+    hil(&["campaign", "work", "planned"])
+        .expect(2)
+        .says(&["another worker uses the port of the campaign"]);
+    drop(port);
     hil(&["campaign", "run", "planned", "--jobs", "1"]).expect(0);
     rig.assert_nothing_left();
 }
