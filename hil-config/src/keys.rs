@@ -61,6 +61,7 @@ pub(crate) use instruments::{ACTUATOR, SENSOR};
 pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
 pub(crate) use plots::{PANEL, PLOT};
 pub(crate) use port::{FIELD, FIELDS, MEDIA, MEDIUM, MOST_FIELDS, MOST_FRAMES, PORT};
+pub(crate) use port::{SAFE_PERIOD_S, SAFE_REPEATS};
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{SEQUENCE_KIND, STIMULUS, WAVEFORMS};

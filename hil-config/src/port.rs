@@ -7,6 +7,7 @@ mod dbc;
 mod fields;
 mod frames;
 mod media;
+mod safety;
 
 use std::path::Path;
 
@@ -21,6 +22,8 @@ use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
 use crate::scenario::{Scenario, read_regular, unreadable};
 
+pub use safety::{Safe, Safety};
+
 /// Port file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Port {
@@ -32,6 +35,8 @@ pub struct Port {
     pub media: Vec<Medium>,
     /// Frames.
     pub frames: Vec<PortFrame>,
+    /// Sending of the safe frames.
+    pub safety: Safety,
 }
 
 /// Medium on which frames travel.
@@ -129,6 +134,8 @@ pub struct PortFrame {
     pub period: Period,
     /// Age in s above which a received value is stale.
     pub stale_s: Option<f64>,
+    /// Safe values of its commands.
+    pub safe: Vec<Safe>,
 }
 
 /// Direction of a frame.
@@ -287,6 +294,7 @@ fn port(
             .expected(TITLE);
     }
     let description = reader.text(root, "description").unwrap_or_default().into();
+    let safety = safety::read(reader, root);
     let media = media::read(reader, root);
     let frames = frames::read(reader, root, &media, origin, tables);
     Some(Port {
@@ -294,6 +302,7 @@ fn port(
         description,
         media: media?,
         frames: frames?,
+        safety: safety?,
     })
 }
 

@@ -34,7 +34,27 @@ pub(crate) const PORT: &[Key] = &[
         "Media on which frames travel. A bus that is only simulated needs none.",
     ),
     Key::new("frames", KeyKind::List(FRAME), "Frames.").required(),
+    Key::new(
+        SAFE_REPEATS,
+        integer_or(1, 1000, 5),
+        "Number of times that each frame of safe values is sent at the end of a run.",
+    ),
+    Key::new(
+        SAFE_PERIOD_S,
+        number_or("s", 1e-4, 1.0, 0.02),
+        "Time from one frame of safe values to the next.",
+    ),
+    Key::new(
+        "watchdog",
+        TEXT,
+        "Watchdog device, as /dev/watchdog, which resets the hardware if this machine stops. It is fed while a run lasts and disarmed at an orderly end.",
+    ),
 ];
+
+/// Key of the number of times that safe frames are sent.
+pub(crate) const SAFE_REPEATS: &str = "safe_repeats";
+/// Key of the time from one safe frame to the next.
+pub(crate) const SAFE_PERIOD_S: &str = "safe_period_s";
 
 /// `[[media]]`.
 pub(crate) const MEDIUM: &[Key] = &[
@@ -269,6 +289,11 @@ pub(crate) const FIELDS: &[SectionKind] = &[
                 "invalid",
                 integer(0, i64::MAX),
                 "Raw number, as bits without sign, that stands for no value.",
+            ),
+            Key::new(
+                "safe",
+                number("", f64::MIN, ANY),
+                "Safe value of a command in the unit of the wire, the last that a plant behind the port gets however a run ends. A port in front of a plant needs one for each command.",
             ),
         ],
     },

@@ -69,7 +69,7 @@ pub(super) fn conclude(
         &prepared.plan,
         &prepared.binaries,
         &prepared.session,
-        (prepared.settings).evidence(&prepared.plan, &prepared.binaries.controller),
+        (prepared.settings).evidence(&prepared.plan, &prepared.binaries),
         recorded_to,
         realtime,
         &ended,

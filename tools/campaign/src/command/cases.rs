@@ -296,6 +296,14 @@ impl Cases {
     /// See [`plan`](Self::plan); also an objection of the plant or the law.
     pub(super) fn check(&self, case: u64) -> Result<Plan, Failure> {
         let plan = self.plan(case)?;
+        if let Rig::External(own) = &self.rig
+            && (plan.whole_plant_among(own.first.described().0))
+                .is_some_and(|plant| plant.port.is_some())
+        {
+            return Err(Failure::usage(
+                "the plant is behind a port: there is one of it, and it does not repeat; use `hil run`",
+            ));
+        }
         alone::refuse_clock(&plan)?;
         if let Rig::BuiltIn(described) = &self.rig {
             alone::check(&plan, described)?;
