@@ -14,7 +14,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
 /// targets, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 21] = [
+const ARROWS: [(&str, &[&str], &[&str]); 22] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
@@ -38,6 +38,17 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
             "hil-session",
             "plant-process",
             "controller-process",
+        ],
+        &[],
+    ),
+    (
+        "hil-rig",
+        &[
+            "shared-types",
+            "hil-codec",
+            "hil-session",
+            "hil-config",
+            "plant-process",
         ],
         &[],
     ),
@@ -194,6 +205,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 21] = [
             "hil-target",
             "hil-campaign",
             "hil-foreign",
+            "hil-rig",
         ],
     ),
 ];
@@ -213,12 +225,13 @@ const SYSTEM: [&str; 8] = [
 /// The only package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
-const PROGRAMS: [&str; 5] = [
+const PROGRAMS: [&str; 6] = [
     "controller-process",
     "hil",
     "hil-fmu",
     "hil-target",
     "plant-process",
+    "hil-rig",
 ];
 
 fn packages() -> Vec<Value> {
@@ -321,7 +334,7 @@ fn the_contract_needs_no_package_for_the_operating_system() {
 }
 
 #[test]
-fn there_are_five_programs() {
+fn there_are_six_programs() {
     let packages = packages();
     let targets = packages
         .iter()

@@ -155,6 +155,7 @@ mod recover;
 mod replay;
 mod report;
 mod requirements;
+mod rigs;
 mod runs;
 mod succession;
 mod suite;

@@ -1,4 +1,5 @@
-//! Models that need a host program: FMUs, which `hil-fmu`, installed next to `hil`, runs in a process of its own.
+//! Models that need a host program, installed next to `hil`, which runs them in a process of its own: FMUs, by
+//! `hil-fmu`, and ports in front of a plant, by `hil-rig`.
 //!
 //! The model is named, must be trusted and must remain unchanged; the host is recorded with its own hash. Only the host
 //! reads FMUs.
@@ -10,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hil_config::plan::Permissions;
+use hil_config::port::is_port;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_session::private_folder;
@@ -21,6 +23,10 @@ use super::{FileIdentity, asked, beside, hashed};
 
 /// Program next to `hil` that runs FMUs.
 pub const HOST: &str = "hil-fmu";
+/// Program next to `hil` that runs ports in front of a plant.
+const RIG: &str = "hil-rig";
+/// Largest part of a file that is read to recognise a port.
+const HEAD_BYTES: u64 = 4096;
 /// First bytes of a ZIP archive.
 const ARCHIVE: [u8; 4] = *b"PK\x03\x04";
 /// File extension of an FMU.
@@ -53,12 +59,16 @@ impl Host {
     /// # Errors
     /// If there is no host.
     pub(crate) fn of(choice: &Choice, side: &'static str) -> Result<Option<Self>, String> {
-        if !is_model(&choice.path) {
+        let (name, what) = if is_model(&choice.path) {
+            (HOST, "an FMU")
+        } else if side == "plant" && is_port_file(&choice.path) {
+            (RIG, "a port")
+        } else {
             return Ok(None);
-        }
-        let own = beside(HOST).map_err(|error| error.to_string())?;
+        };
+        let own = beside(name).map_err(|error| error.to_string())?;
         let in_words =
-            |error| format!("it is an FMU, and {} cannot be run: {error}", own.display());
+            |error| format!("it is {what}, and {} cannot be run: {error}", own.display());
         let (file, blake3) = hashed(&own).map_err(in_words)?;
         Ok(Some(Self {
             path: own,
@@ -134,9 +144,31 @@ pub(super) fn is_model(path: &Path) -> bool {
         && begin == ARCHIVE
 }
 
+/// Returns `true` if a file is a port file by its first key; copies on targets have no ending.
+fn is_port_file(path: &Path) -> bool {
+    let mut head = Vec::new();
+    let file = File::open(path).ok().filter(|_| path.is_file());
+    let result = file.map(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
+    result.is_some_and(|read| read.is_ok()) && is_port(&String::from_utf8_lossy(&head))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_port_is_recognised_by_its_first_key() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let file = |name: &str, content: &str| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, content).expect("written");
+            path
+        };
+        assert!(is_port_file(&file("rig.port.toml", "# A rig.\nport = 1\n")));
+        assert!(is_port_file(&file("copy", "port=1")));
+        assert!(!is_port_file(&file("run.toml", "schema = 1\nport = 1")));
+        assert!(!is_port_file(&folder.path().join("none")));
+    }
 
     #[test]
     fn a_model_is_recognised_by_its_extension_or_its_first_bytes() {
