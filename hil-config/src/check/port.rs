@@ -25,16 +25,4 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>, plant: &PlantDescri
             .expected("\"realtime\"")
             .help("write `clock = \"realtime\"` in [run], or run with --clock realtime");
     }
-    if let Some(section) = reader.section(root, "plant")
-        && reader
-            .integer(&section, "substeps")
-            .is_some_and(|steps| steps != 1)
-    {
-        let message = format!(
-            "`plant.substeps` has no effect: plant `{name}` is behind a port, not integrated"
-        );
-        reader
-            .report_at(&section, "substeps", ProblemKind::Mismatch, message)
-            .help("omit it");
-    }
 }

@@ -107,12 +107,6 @@ fn a_rig_runs_in_real_time_only() {
 }
 
 #[test]
-fn substeps_of_a_rig_are_refused() {
-    let text = problem(&RIG.replace("model = \"rig\"", "model = \"rig\"\nsubsteps = 2"));
-    assert!(text.contains("no effect"), "{text}");
-}
-
-#[test]
 fn the_truth_of_a_rig_is_refused_with_the_measured_signal_to_ask_for() {
     let truth = "truth.position_m";
     let with = |more: &str| format!("{RIG}\n{more}\n");
