@@ -280,8 +280,12 @@ fn keeper(rig: &Rig) -> u32 {
     pids.into_iter().find(is_keeper).expect("a keeper")
 }
 
+/// Waits for the end of the keeper, which ends by itself after its frames.
 fn without_keeper(rig: &Rig) {
-    until("the end of the keeper", || rig.processes().is_empty());
+    let is_keeper = |line: &String| line.contains(" keeper ");
+    until("the end of the keeper", || {
+        !rig.processes().iter().any(is_keeper)
+    });
 }
 
 fn kill_port() {
@@ -290,8 +294,8 @@ fn kill_port() {
     let [plant, _] = running.children_at_once();
     send(plant.pid, Signal::KILL);
     peer.until_safe();
-    running.finish().expect(3);
     without_keeper(&rig);
+    running.finish().expect(3);
 }
 
 fn kill_controller() {
@@ -387,8 +391,8 @@ fn a_watchdog_is_fed_and_disarmed_at_an_orderly_end_only() {
     let [plant, _] = running.children_at_once();
     send(plant.pid, Signal::KILL);
     peer.until_safe();
-    running.finish().expect(3);
     without_keeper(&other);
+    running.finish().expect(3);
     let content = std::fs::read(&watchdog).expect("a file");
     assert!(
         content.starts_with(&[0]) && !content.contains(&b'V'),
