@@ -192,7 +192,7 @@ pub struct Answer<'a> {
     pub command: &'a mut [f64],
     /// Internals in the law's order.
     pub internals: &'a mut [f64],
-    /// Commands that are not refreshed, whose values do not matter; none is marked at first.
+    /// Commands that the law does not refresh at this step; their values are ignored. Empty on entry.
     pub held: &'a mut SignalSet,
 }
 

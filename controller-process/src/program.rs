@@ -26,8 +26,8 @@ use crate::job::{JOB_FILE, Job};
 use crate::laws::hold;
 use crate::runner::{End, Progress, Runner, choose};
 
-/// Runs a controller process that offers these laws, according to its arguments. The process also offers [`hold`],
-/// which suits every plant, unless one of the laws has that name.
+/// Runs a controller process that offers these laws, according to its arguments. Unless one of the laws has that
+/// name, the process also offers [`hold`], which suits every plant.
 ///
 /// The origin is [`origin!`](macro@shared_types::origin), or a version alone.
 #[must_use]

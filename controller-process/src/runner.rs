@@ -346,14 +346,14 @@ impl<'a, L: Link> Runner<'a, L> {
         if welcome.rate != self.job.rate {
             let (theirs, ours) = (welcome.rate.hz(), self.job.rate.hz());
             return Err(format!(
-                "the plant runs at {theirs} Hz, but this controller's job at {ours} Hz"
+                "the plant runs at {theirs} Hz, but this controller's job is for {ours} Hz"
             ));
         }
         let (theirs, ours) = (welcome.first, self.job.checkpoints.first_step());
         // A controller that takes over begins at the current step of the run.
         if theirs != ours && self.job.epoch == 1 {
             return Err(format!(
-                "the plant begins at step {theirs}, but this controller's job at step {ours}"
+                "the plant begins at step {theirs}, but this controller's job begins at step {ours}"
             ));
         }
         let law = &self.kind.description;

@@ -67,7 +67,7 @@ impl Figure {
 }
 
 impl RunningAnalysis {
-    /// Creates an analysis before its first row.
+    /// Creates an analysis that has not seen any rows yet.
     ///
     /// # Errors
     /// If an expression names a signal that no column has.

@@ -8,6 +8,7 @@
 mod analyses;
 mod belonging;
 mod binding;
+mod bus;
 mod changes;
 mod connect;
 mod controller;
@@ -41,13 +42,16 @@ use shared_types::time::Rate;
 
 use crate::expression::{Columns, Expression, Group};
 use crate::keys;
-use crate::plan::{ControllerPlan, Definition, FaultEvent, Plan, Programs, Stimulus, driven};
+use crate::plan::{
+    BusPlan, ControllerPlan, Definition, FaultEvent, Plan, Programs, Stimulus, driven,
+};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
-use crate::scenario::Scenario;
-use crate::source::{Place, Sources};
+use crate::scenario::{Scenario, root};
+use crate::title::{TITLE, is_title};
 use changes::ChangeContext;
 use faults::{EventContext, Origin};
+use inputs::Advice;
 use run::Grid;
 
 pub(crate) use faults::{groups, unit_of};
@@ -63,10 +67,14 @@ pub struct RequestContext {
     pub parameters: Settings,
     /// Reference signals, and inputs of the plant with a course.
     pub stimuli: Vec<Stimulus>,
+    /// Constant inputs of the plant.
+    pub constants: Settings,
     /// Recorded inputs of sensors and of actuators.
     pub taps: [Vec<Field>; 2],
     /// The scenario's derived signals by name and definition.
     pub derived: Vec<(String, Definition)>,
+    /// Number of networks of the bus; 1 without one.
+    pub networks: u8,
     /// Steps per second.
     pub rate: Rate,
     /// Number of steps of the whole run.
@@ -86,8 +94,10 @@ impl RequestContext {
             kinds: kinds.to_vec(),
             parameters: plan.plant.parameters.clone(),
             stimuli: plan.stimuli.clone(),
+            constants: plan.plant.inputs.clone(),
             taps: plan.tap_fields(plant),
             derived: plan.definitions(),
+            networks: plan.bus.as_ref().map_or(1, |bus| bus.networks),
             rate: plan.run.rate,
             steps: plan.run.steps,
             names: Vec::new(),
@@ -140,6 +150,11 @@ impl RequestContext {
             healthy: Some(&self.parameters),
             reference: Some(&reference),
             inputs: Some(&driven(&self.stimuli)),
+            advice: Advice {
+                stimuli: &self.stimuli,
+                constants: &self.constants,
+            },
+            networks: self.networks,
             columns: Some(&columns),
             grid: Some(self.grid()),
             origin: Origin::Live {
@@ -198,20 +213,6 @@ fn check(
     reader.finish(plan)
 }
 
-/// Returns the root table of a scenario.
-pub(crate) fn root(scenario: &Scenario) -> Section<'_> {
-    const START: &Place = &Place {
-        source: Sources::SCENARIO,
-        span: 0..0,
-    };
-    Section {
-        table: &scenario.table,
-        keys: keys::SCENARIO,
-        path: String::new(),
-        place: START,
-    }
-}
-
 fn parts(
     reader: &mut Reader,
     root: &Section<'_>,
@@ -265,7 +266,7 @@ fn parts(
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
     let driven_inputs = stimuli.as_deref().map(driven);
     let connect = reader.list(root, "connect");
-    let mut connections = None;
+    let (mut connections, mut connected) = (None, None);
     if let (Some(section), Some(law), Some(plant), Some(whole)) =
         (&controller_section, law, plant, whole_plant)
     {
@@ -282,7 +283,7 @@ fn parts(
             all.extend(added);
             all
         });
-        let connected = (connections.as_ref()).and_then(|all| law.connected(all).ok());
+        connected = (connections.as_ref()).and_then(|all| law.connected(all).ok());
         if let Some(law) = &connected {
             let has_inputs =
                 { plant_section.iter() }.any(|section| section.table.get("inputs").is_some());
@@ -302,6 +303,16 @@ fn parts(
     {
         columns.push_possible_taps(plant, [sensors, actuators], grid.rate);
     }
+    let ends = bus::Ends {
+        plant,
+        law: connected.as_ref(),
+        reference: reference.as_deref(),
+        grid,
+    };
+    let bus = bus::check(reader, root, folder, &ends);
+    let networks = bus.as_ref().map_or(BusPlan::MOST_NETWORKS, |bus| {
+        bus.as_ref().map_or(1, |bus| bus.networks)
+    });
     let (derived, metrics, analysed) = signals::check(reader, root, &mut columns, grid, folder);
     let requirements = requirements::check(reader, root, columns.as_ref(), &derived, grid);
     let context = EventContext {
@@ -310,6 +321,11 @@ fn parts(
         healthy: plant_plan.as_ref().map(|plan| &plan.parameters),
         reference: reference.as_deref(),
         inputs: driven_inputs.as_deref(),
+        advice: Advice {
+            stimuli: stimuli.as_deref().unwrap_or_default(),
+            constants: &inputs.constants,
+        },
+        networks,
         columns: columns.as_ref(),
         grid,
         origin: Origin::Scenario { folder },
@@ -318,6 +334,7 @@ fn parts(
         plant,
         law: law.map(|law| (law.name.as_str(), &law.parameters[..])),
         stimuli: stimuli.as_deref(),
+        constants: &inputs.constants,
         grid,
     };
     let changes = changes::check(reader, root, &changed);
@@ -354,6 +371,7 @@ fn parts(
         stimuli: stimuli?,
         sensors,
         actuators,
+        bus: bus?,
         faults,
         changes,
         derived,
@@ -395,13 +413,4 @@ fn name(reader: &mut Reader, root: &Section<'_>, scenario: &Scenario) -> String 
             .expected(TITLE);
     }
     name
-}
-
-/// Rule for names of scenarios, studies and requirements.
-pub(crate) const TITLE: &str = "1 to 64 letters, digits, - and _";
-
-/// Returns `true` if a text is a valid name of a scenario, a study or a requirement.
-pub(crate) fn is_title(name: &str) -> bool {
-    let legal = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
-    (1..=64).contains(&name.len()) && name.chars().all(legal)
 }

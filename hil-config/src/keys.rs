@@ -36,6 +36,7 @@ macro_rules! kinds {
     };
 }
 
+mod bus;
 mod changes;
 mod faults;
 mod instruments;
@@ -55,13 +56,13 @@ use shared_types::time::Rate;
 use changes::CHANGE;
 use faults::FAULT;
 
+pub(crate) use bus::BUS;
 pub(crate) use changes::LIVE_CHANGE;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
 pub(crate) use instruments::{ACTUATOR, SENSOR};
 pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
 pub(crate) use plots::{PANEL, PLOT};
 pub(crate) use port::{FIELD, FIELDS, MEDIA, MEDIUM, MOST_FIELDS, MOST_FRAMES, PORT};
-pub(crate) use port::{SAFE_PERIOD_S, SAFE_REPEATS};
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
 pub(crate) use stimuli::{SEQUENCE_KIND, STIMULUS, WAVEFORMS};
@@ -260,6 +261,8 @@ pub(crate) const SCENARIO: &[Key] = keys! {
         "Sensors between the readings of the model and the faults of its signals. One entry a signal; the keys act in the order of this page.";
     actuators: KeyKind::List(ACTUATOR),
         "Actuators between the received commands and the model. One entry a command; the keys act in the order of this page.";
+    bus: KeyKind::Section(BUS),
+        "Bus in simulation: frames that carry the sample and the command, as on a wire, with its resolution, periods and stale values.";
     stimuli: KeyKind::List(STIMULUS),
         "Reference signals of the rig, sent with the derivatives that the waveform has, and inputs of the plant that no law commands.";
     faults: KeyKind::List(FAULT), "Fault events. All effects of an event take effect at the same step.";

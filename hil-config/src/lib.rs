@@ -27,7 +27,9 @@ mod keys;
 mod quantity;
 mod reader;
 mod source;
+mod title;
 
+pub mod bus;
 pub mod condition;
 pub mod evaluation;
 pub mod expression;

@@ -4,6 +4,7 @@
 //! No value in a plan is out of range, unknown or unbound.
 
 mod analysis;
+mod bus;
 mod change;
 mod derived;
 mod fault;
@@ -33,6 +34,7 @@ pub use crate::stimulus::{Sweep, Waveform};
 pub use analysis::{
     Analysis, AnalysisKind, DetectionPlan, FrequencyResponsePlan, StepResponsePlan,
 };
+pub use bus::BusPlan;
 pub use change::{Change, PLANT_KEYS, REFERENCE_KEYS, law_keys, settings_after};
 pub(crate) use derived::BoundSource;
 pub use derived::{Definition, DerivedSource};
@@ -68,6 +70,8 @@ pub struct Plan {
     pub sensors: Vec<Instrument>,
     /// Actuators, each of another command.
     pub actuators: Vec<Instrument>,
+    /// Bus in simulation; `None` if signals cross no frames.
+    pub bus: Option<BusPlan>,
     /// Fault events in file order.
     pub faults: Vec<FaultEvent>,
     /// Changes of values in file order.

@@ -3,24 +3,30 @@
 //! Read by `hil describe`, by ports and by the bus in simulation. Media are data here and never opened; the frames are
 //! those of [`hil_codec`], whose packers and receivers carry them out.
 
+pub mod counts;
 mod dbc;
 mod fields;
 mod frames;
 mod media;
 mod safety;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_codec::frame::Frame;
 use shared_types::layout::{SignalKind, SignalTable};
 use shared_types::table::{Field, unit_of_name};
+use shared_types::time::Rate;
 
-use crate::check::{TITLE, is_title, root};
 use crate::document::Value;
 use crate::keys::PORT;
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
-use crate::scenario::{Scenario, read_regular, unreadable};
+use crate::scenario::{Scenario, read_regular, root, unreadable};
+use crate::title::{TITLE, is_title};
+
+use dbc::DbcFiles;
+pub(crate) use dbc::read_text as read_dbc;
 
 pub use safety::{Safe, Safety};
 
@@ -31,12 +37,36 @@ pub struct Port {
     pub name: String,
     /// Purpose.
     pub description: String,
+    /// Exchange as a controller.
+    pub exchange: Exchange,
+    /// `false` if the far end keeps a clock of its own, so that two equal runs differ.
+    pub is_repeatable: bool,
+    /// Start of the far end.
+    pub start: Start,
     /// Media.
     pub media: Vec<Medium>,
     /// Frames.
     pub frames: Vec<PortFrame>,
     /// Sending of the safe frames.
     pub safety: Safety,
+}
+
+/// Exchange of a port as a controller.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Exchange {
+    /// Each sample is answered by the commands that are due at its step.
+    Answers,
+    /// The newest commands are used, and none is waited for.
+    Free,
+}
+
+/// Start of the program at the far end.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Start {
+    /// Program and arguments; empty if the far end is started by others.
+    pub command: Vec<String>,
+    /// Beginning of the line that the program prints once it is ready.
+    pub ready: Option<String>,
 }
 
 /// Medium on which frames travel.
@@ -176,6 +206,29 @@ pub enum Period {
     Seconds(f64),
 }
 
+impl Period {
+    /// Returns the period in steps of a run at this rate.
+    ///
+    /// # Errors
+    /// The nearest periods in s that are whole steps, if this one is not.
+    pub fn steps(self, rate: Rate) -> Result<u64, (f64, f64)> {
+        let period_s = match self {
+            Self::Steps(steps) => return Ok(steps),
+            Self::Seconds(period_s) => period_s,
+        };
+        let steps = period_s * rate.hz();
+        let whole = steps.round();
+        if whole >= 1.0 && (steps - whole).abs() <= 1e-9 * (1.0 + steps) {
+            return Ok(whole as u64);
+        }
+        let seconds = |steps: f64| {
+            let steps = if steps < 1.0 { 1.0 } else { steps };
+            steps / rate.hz()
+        };
+        Err((seconds(steps.floor()), seconds(steps.ceil())))
+    }
+}
+
 /// Signals that the fields of a port may name.
 #[derive(Clone, Copy, Debug)]
 pub struct PortTables<'a> {
@@ -218,6 +271,19 @@ impl Port {
         origin: &Path,
         tables: Option<&PortTables<'_>>,
     ) -> Result<Self, Problems> {
+        Self::parse_with(text, origin, tables, &BTreeMap::new())
+    }
+
+    /// Parses the text of a port file; a DBC file with a text among these is not read.
+    ///
+    /// # Errors
+    /// All problems.
+    pub fn parse_with(
+        text: &str,
+        origin: &Path,
+        tables: Option<&PortTables<'_>>,
+        dbc: &BTreeMap<String, String>,
+    ) -> Result<Self, Problems> {
         let scenario = Scenario::parse(text, origin)?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
         let root = root(&scenario).with_keys(PORT);
@@ -225,7 +291,7 @@ impl Port {
             root.table.get("port").is_some() && reader.integer(&root, "port").is_none();
         let port = match is_other_version {
             true => None,
-            false => port(&mut reader, &root, origin, tables),
+            false => port(&mut reader, &root, (origin, dbc), tables),
         };
         reader.finish(port)
     }
@@ -237,13 +303,14 @@ impl Port {
         for kind in carries.kinds() {
             let mut fields: Vec<Field> = Vec::new();
             let frames = self.frames.iter().filter(|one| one.carries == carries);
-            for (signal, number) in frames.clone().flat_map(|one| one.frame.signals()) {
-                if signal.kind == *kind {
+            for frame in frames.clone().map(|one| &one.frame) {
+                for (signal, number) in frame.signals().filter(|(one, _)| one.kind == *kind) {
                     let (min, max) = number.range();
+                    let description = format!("Field of frame {}.", frame.name);
                     fields.push(Field {
                         min,
                         max,
-                        ..Field::signal(&signal.name, &signal.unit, "")
+                        ..Field::signal(&signal.name, &signal.unit, &description)
                     });
                 }
             }
@@ -269,14 +336,14 @@ pub fn is_port(text: &str) -> bool {
 fn port(
     reader: &mut Reader,
     root: &Section<'_>,
-    origin: &Path,
+    (origin, dbc): (&Path, &BTreeMap<String, String>),
     tables: Option<&PortTables<'_>>,
 ) -> Option<Port> {
     reader.integer(root, "port");
     reader.refuse_unknown(root, &[]);
     let first = root.table.entries().first();
     if let Some(first) = first.filter(|first| first.key != "port") {
-        let message = format!("`{}` stands before `port`", first.key);
+        let message = format!("`{}` comes before `port`", first.key);
         reader
             .report(ProblemKind::Mismatch, &first.key, &first.key_place, message)
             .help("a port file is recognised by `port = 1` as its first key");
@@ -294,16 +361,46 @@ fn port(
             .expected(TITLE);
     }
     let description = reader.text(root, "description").unwrap_or_default().into();
+    let exchange = match reader.text(root, "exchange") {
+        Some("free") => Exchange::Free,
+        _ => Exchange::Answers,
+    };
+    let is_repeatable = reader.boolean(root, "repeatable");
+    let start = start(reader, root);
     let safety = safety::read(reader, root);
     let media = media::read(reader, root);
-    let frames = frames::read(reader, root, &media, origin, tables);
+    let frames = frames::read(reader, root, &media, DbcFiles::new(origin, dbc), tables);
     Some(Port {
         name,
         description,
+        exchange,
+        // Commands that are not awaited depend on the clock.
+        is_repeatable: is_repeatable? && exchange == Exchange::Answers,
+        start: start?,
         media: media?,
         frames: frames?,
         safety: safety?,
     })
+}
+
+fn start(reader: &mut Reader, root: &Section<'_>) -> Option<Start> {
+    let ready = reader.text(root, "ready").map(str::to_owned);
+    let command: Vec<String> = match root.table.get("start") {
+        None => Vec::new(),
+        Some(_) => {
+            let texts = reader.texts(root, "start")?;
+            texts
+                .into_iter()
+                .map(|(_, _, text)| text.to_owned())
+                .collect()
+        }
+    };
+    if command.is_empty() && ready.is_some() {
+        let message = "`ready` needs `start`";
+        reader.report_at(root, "ready", ProblemKind::Mismatch, message);
+        return None;
+    }
+    Some(Start { command, ready })
 }
 
 /// Returns the unit of a signal without a table.

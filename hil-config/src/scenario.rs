@@ -8,8 +8,9 @@ use std::path::{Path, PathBuf};
 
 use crate::document::{Table, Value};
 use crate::flag;
+use crate::keys;
 use crate::problem::{FLAG, Problem, ProblemKind, Problems};
-use crate::reader::Reader;
+use crate::reader::{Reader, Section};
 use crate::source::{Place, Sources};
 use crate::table_file::Format;
 
@@ -106,7 +107,7 @@ impl Scenario {
         &self.path
     }
 
-    /// Returns the text of its file.
+    /// Returns the text of the scenario's file.
     #[must_use]
     pub fn text(&self) -> &str {
         self.sources.whole(Sources::SCENARIO)
@@ -152,6 +153,20 @@ impl Scenario {
             }
         }
         self
+    }
+}
+
+/// Returns the root table of a scenario.
+pub(crate) fn root(scenario: &Scenario) -> Section<'_> {
+    const START: &Place = &Place {
+        source: Sources::SCENARIO,
+        span: 0..0,
+    };
+    Section {
+        table: &scenario.table,
+        keys: keys::SCENARIO,
+        path: String::new(),
+        place: START,
     }
 }
 
@@ -222,7 +237,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
     let file_info = std::fs::metadata(path)?;
     // Reading a folder fails with an error of its own.
     let ends = file_info.is_dir() || (file_info.is_file() && file_info.len() <= LARGEST);
-    let refusal = || std::io::Error::other("it is not a regular file of at most 16 MiB");
+    let refusal = || std::io::Error::other("not a regular file of at most 16 MiB");
     if !ends {
         return Err(refusal());
     }
@@ -232,7 +247,7 @@ pub fn read_regular(path: &Path) -> std::io::Result<String> {
         .take(LARGEST + 1)
         .read_to_string(&mut text)
         .map_err(|error| match error.kind() {
-            ErrorKind::InvalidData => std::io::Error::other("it is not UTF-8 text"),
+            ErrorKind::InvalidData => std::io::Error::other("not UTF-8 text"),
             _ => error,
         })?;
     if read as u64 > LARGEST {

@@ -5,6 +5,7 @@
 //! `keys`; a key that is not handled here fails at once.
 
 mod analyses;
+mod bus;
 mod changes;
 mod faults;
 mod instruments;
@@ -136,6 +137,11 @@ fn write(
             "actuators" => each(text, &plan.actuators, |text, one| {
                 instruments::instrument(text, one, "actuators", keys::ACTUATOR)
             })?,
+            "bus" => {
+                if let Some(one) = &plan.bus {
+                    bus::bus(text, plan, one, plant)?;
+                }
+            }
             "stimuli" => each(text, &plan.stimuli, stimulus)?,
             "faults" => {
                 let look = faults::Look {

@@ -143,14 +143,14 @@ impl Table {
         let (time_s, values) = (points.time_s(), points.column(0));
         let is_cubic = interpolation == Interpolation::Cubic;
         if is_cubic && points.derivatives() > 0 {
-            return Err("a cubic table computes its derivatives and has no columns for them");
+            return Err("a cubic table computes its derivatives and takes no columns for them");
         }
         if repeat && time_s.len() < 2 {
-            return Err("a table of one row has no length to repeat");
+            return Err("a table with a single row cannot repeat");
         }
         if is_cubic && repeat && values.first() != values.last() {
             return Err(
-                "a cubic table that repeats ends with the value with which it begins: its last row is the first row of the next pass",
+                "a cubic table that repeats must end with its first value, because its last row is the first row of the next pass",
             );
         }
         let curvatures = match (is_cubic, repeat) {

@@ -5,6 +5,7 @@
 //! time base.
 
 mod csv;
+mod date;
 mod header;
 mod series;
 

@@ -16,7 +16,7 @@ use crate::tuning::SavedTuning;
 #[derive(Debug, Serialize, Deserialize)]
 pub(crate) struct SavedPlant {
     pub(crate) model: State,
-    /// State of each stage of the sensors, then of the actuators.
+    /// State of each stage of the sensors, then of the actuators, then of both directions of a bus.
     pub(crate) instruments: Vec<State>,
     pub(crate) faults: SavedFaults,
     pub(crate) tuning: SavedTuning,

@@ -14,7 +14,7 @@ use shared_types::describe::{Invalid, PlantDescription};
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent, PlantSide};
 use shared_types::pacer::Pacer;
-use shared_types::record::{Outcome, RunEnd, Timing};
+use shared_types::record::{MOST_MARKS, Outcome, RunEnd, Timing};
 use shared_types::side::Side;
 use shared_types::stream::RecordSink;
 use shared_types::table::Field;
@@ -22,7 +22,7 @@ use shared_types::time::Step;
 use shared_types::wait::{Sleeper, WaitLimit};
 
 use crate::checkpoint::SavedPlant;
-use crate::faults::{FaultBuilder, FaultKindEntry, FaultLayer};
+use crate::faults::{Bus, FaultBuilder, FaultKindEntry, FaultLayer};
 use crate::guard::Guards;
 use crate::inputs::InputRow;
 use crate::instruments::Instruments;
@@ -127,7 +127,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             (job.run.rate, job.run.seed),
             &job.derived,
         )?
-        .with_inputs(driven(&job.stimuli));
+        .with_inputs(driven(&job.stimuli))
+        .with_networks(job.bus.as_ref().map_or(1, |bus| bus.networks));
         for changed in settings_after(&job.changes, PLANT_KEYS, parameters) {
             (kind.start)(&changed)?; // they must go together
         }
@@ -152,12 +153,15 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             FaultLayer::check(&builder, &job.faults, &saved.faults)?;
             saved.restore_model(model.as_mut())?;
         }
+        let bus = (job.bus.as_ref())
+            .map(|plan| Bus::new(plan, &description, &reference, job.run.rate))
+            .transpose()?;
         let plant = Plant {
             model,
             inputs: InputRow::new(&kind.description, &job)?,
             guards: Guards::new(&description, &job.plant.limits)?,
             instruments: Instruments::new(&description, &job)?,
-            faults: FaultLayer::new(&builder, &job.faults)?,
+            faults: FaultLayer::new(&builder, &job.faults)?.with_bus(bus),
             tuning: Tuning::new(
                 job.run.rate,
                 &description.parameters,
@@ -309,6 +313,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 return Ok(false);
             }
             if let Some(event) = self.plant.faults.next_event() {
+                let is_mark = event.mark().is_some();
+                if is_mark && self.marks >= MOST_MARKS {
+                    continue;
+                }
+                self.marks += usize::from(is_mark);
                 self.publisher.sink.event(&event)?;
             }
         }

@@ -1,7 +1,7 @@
 //! The job: a launcher's instructions to a plant process. A JSON file in the session's folder.
 
 use hil_config::plan::{
-    Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus, tap_fields,
+    BusPlan, Change, Definition, FaultEvent, Instrument, Plan, PlantPlan, Run, Stimulus, tap_fields,
 };
 use serde::{Deserialize, Serialize};
 use shared_types::checkpoint::Checkpoints;
@@ -33,6 +33,9 @@ pub struct Job {
     /// Actuators of the scenario.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub actuators: Vec<Instrument>,
+    /// Bus in simulation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bus: Option<BusPlan>,
     /// Faults of the scenario.
     pub faults: Vec<FaultEvent>,
     /// Changes of values of the scenario.
@@ -91,6 +94,7 @@ impl Job {
             stimuli: Vec::new(),
             sensors: Vec::new(),
             actuators: Vec::new(),
+            bus: None,
             faults: Vec::new(),
             changes: Vec::new(),
             derived: Vec::new(),
@@ -115,6 +119,7 @@ impl Job {
             stimuli: plan.stimuli.clone(),
             sensors: plan.sensors.clone(),
             actuators: plan.actuators.clone(),
+            bus: plan.bus.clone(),
             faults: plan.faults.clone(),
             changes: plan.changes.clone(),
             derived: plan.definitions(),

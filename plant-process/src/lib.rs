@@ -15,7 +15,7 @@
 //! policy for a lost controller and hands over to its successor. [`job`] describes the work, and [`repeat`] repeats a
 //! real-time run in lockstep.
 //!
-//! [`program`] is the surrounding process; a user's own plant binary is a `main` of one line that calls
+//! [`program`] is the surrounding process; a user's own plant binary is a one-line `main` that calls
 //! [`program::run`].
 //! Control laws are unknown here.
 

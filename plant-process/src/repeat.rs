@@ -30,7 +30,7 @@ pub(crate) struct Repetition {
     next: usize,
     waiting: [Waiting; WAITING],
     /// Number of commands taken; each is stored at its number modulo the capacity.
-    taken: usize,
+    received: usize,
 }
 
 #[derive(Clone, Debug)]
@@ -50,7 +50,7 @@ impl Repetition {
             missed,
             next: 0,
             waiting: std::array::from_fn(|_| nothing.clone()),
-            taken: 0,
+            received: 0,
         }
     }
 
@@ -88,8 +88,8 @@ impl Repetition {
             ..
         } = self.at(step);
         if answered {
-            self.taken += 1;
-            let place = &mut self.waiting[self.taken % WAITING];
+            self.received += 1;
+            let place = &mut self.waiting[self.received % WAITING];
             place.header = header;
             place.frame.copy_from_slice(frame);
         }

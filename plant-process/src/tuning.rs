@@ -43,9 +43,9 @@ pub struct Tuning {
     /// Number of messages for the law so far.
     number: u64,
     references: Vec<Reference>,
-    told: VecDeque<Event>,
+    events: VecDeque<Event>,
     /// Number of accepted changes, which is also the number of the last change.
-    taken: usize,
+    accepted: usize,
     last_id: u32,
     /// Keys of changed law parameters that cannot be read back.
     unconfirmed: BTreeSet<String>,
@@ -69,6 +69,7 @@ struct Reference {
     /// Aliases of the signal.
     aliases: Vec<String>,
     unit: String,
+    range: [f64; 2],
     column: usize,
     derivatives: usize,
     course: Option<Course>,
@@ -110,6 +111,7 @@ impl Tuning {
                 key: stimulus.key(),
                 aliases: stimulus.aliases.clone(),
                 unit: stimulus.unit.clone(),
+                range: stimulus.range,
                 column: begin,
                 derivatives,
                 course: None,
@@ -129,8 +131,8 @@ impl Tuning {
             law: BTreeMap::new(),
             offered: Offered::default(),
             number: 0,
-            told: VecDeque::new(),
-            taken: changes.len(),
+            events: VecDeque::new(),
+            accepted: changes.len(),
             last_id: changes.iter().map(|change| change.id).max().unwrap_or(0),
             unconfirmed: BTreeSet::new(),
         };
@@ -174,7 +176,7 @@ impl Tuning {
                 "at most {MOST_WAITING} changes can wait for their step; send the change again once a waiting one has begun"
             ));
         }
-        self.taken += 1;
+        self.accepted += 1;
         self.last_id += 1;
         change.id = self.last_id;
         change.step = Some(step);
@@ -199,7 +201,7 @@ impl Tuning {
     /// Returns the number of further changes that the run accepts.
     #[must_use]
     pub fn left(&self) -> usize {
-        MOST_CHANGES.saturating_sub(self.taken)
+        MOST_CHANGES.saturating_sub(self.accepted)
     }
 
     /// Advances the values to a step; `stimulus` holds the step's reference signals without changes. Returns `true` if
@@ -245,7 +247,10 @@ impl Tuning {
                     self.offered.parameters.iter().find(named)
                 });
                 let before = self.law.get(key).map(|course| course.at(step));
-                let from = before.or(offered.map(|one| one.value)).unwrap_or(to);
+                // A parameter that has no value yet has none from which a ramp could begin.
+                let known = before.or(offered.map(|one| one.value));
+                let known = known.filter(|from| !from.is_nan());
+                let (from, steps) = known.map_or((to, 0), |from| (from, steps));
                 if offered.is_some_and(|one| one.is_unreadable) {
                     self.unconfirmed.insert(key.clone());
                 }
@@ -258,7 +263,7 @@ impl Tuning {
                 signal.course = None;
             }
         }
-        self.told.push_back(Event::Change(ValueChange {
+        self.events.push_back(Event::Change(ValueChange {
             id: change.id,
             step: step.0,
             ramp_steps: change.ramp_steps,
@@ -357,12 +362,12 @@ impl Tuning {
     /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
-        !self.told.is_empty()
+        !self.events.is_empty()
     }
 
     /// Takes the next event.
     pub fn next_event(&mut self) -> Option<Event> {
-        self.told.pop_front()
+        self.events.pop_front()
     }
 
     /// Returns the pending changes, in the order in which they will begin.
@@ -419,8 +424,8 @@ impl Tuning {
             };
             let field = Field {
                 aliases: signal.aliases.clone(),
-                min: f64::MIN,
-                max: f64::MAX,
+                min: signal.range[0],
+                max: signal.range[1],
                 ..Field::signal(name, &signal.unit, description)
             };
             let original = stimulus.get(signal.column).copied().unwrap_or(0.0);

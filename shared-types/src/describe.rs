@@ -278,7 +278,8 @@ pub enum ActsOn {
     Signals,
     /// Signals and every faultable parameter of the plant, `parameter.x`.
     Numbers,
-    /// Frames on the link: `link.sample` (plant to controller) and `link.command` (controller to plant).
+    /// Frames on the link: `link.sample` (plant to controller) and `link.command` (controller to plant); with two networks
+    /// also `link.sample.a` and so on.
     Links,
     /// Computing time of a side: `controller` and `plant`.
     Sides,

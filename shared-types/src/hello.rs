@@ -85,7 +85,7 @@ pub struct TunableParameter {
     /// Name, unit, range and description.
     #[serde(flatten)]
     pub field: Field,
-    /// Initial value.
+    /// Initial value; NaN for an optional parameter that is not set.
     #[serde(with = "number")]
     pub value: f64,
     /// `true` if the value cannot be read back from the law, so that changes to it remain unconfirmed.
@@ -181,7 +181,10 @@ impl Hello {
             tunable: (law.tunable())
                 .map(|field| TunableParameter {
                     field: field.clone(),
-                    value: field.default.unwrap_or(field.min),
+                    value: field.default.unwrap_or(match field.is_optional {
+                        true => f64::NAN,
+                        false => field.min,
+                    }),
                     is_unreadable: false,
                 })
                 .collect(),
@@ -199,8 +202,11 @@ impl Hello {
             check_fields(fields, MAX_SIGNALS).map_err(unusable(kind.prefix()))?;
         }
         check_fields(&self.tunable_fields(), MOST_FIELDS).map_err(unusable("tunable"))?;
-        // As in any parameter table: within the range, which NaN is not.
-        let wrong = self.tunable.iter().find(|one| !one.field.admits(one.value));
+        // As in any parameter table: within the range, which NaN is not; an optional parameter may not be set.
+        let is_right = |one: &TunableParameter| {
+            one.field.admits(one.value) || (one.field.is_optional && one.value.is_nan())
+        };
+        let wrong = self.tunable.iter().find(|one| !is_right(one));
         wrong.map_or(Ok(()), |one| {
             let (name, value) = (&one.field.name, one.value);
             Err(Refused::Otherwise(format!(
@@ -228,7 +234,7 @@ impl Hello {
         }
         if self.commands.is_some() != described.commands.is_some() {
             return otherwise(
-                "commands of its own but those of the plant in its --describe, or the reverse"
+                "commands of its own, but its --describe says those of the plant, or vice versa"
                     .into(),
             );
         }

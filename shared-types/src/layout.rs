@@ -69,20 +69,20 @@ impl SignalKind {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Unbound {
     /// No signal has that name.
-    #[error("no signal `{wanted}`{}", hint(nearest))]
+    #[error("no signal `{needed}`{}", hint(nearest))]
     Missing {
         /// Required name.
-        wanted: String,
+        needed: String,
         /// Similar names.
         nearest: Vec<String>,
     },
     /// The signal exists, but in another unit.
-    #[error("signal `{name}` is needed in `{wanted}`, but sent in `{sent}`")]
+    #[error("signal `{name}` is needed in `{needed}`, but sent in `{sent}`")]
     Unit {
         /// The signal.
         name: String,
         /// Required unit.
-        wanted: String,
+        needed: String,
         /// Unit that is sent.
         sent: String,
     },
@@ -147,14 +147,14 @@ impl SignalTable {
                 Some(place) if self.0[place].field.unit == want.unit => places.push(place),
                 Some(place) => unbound.push(Unbound::Unit {
                     name: want.name.clone(),
-                    wanted: want.unit.clone(),
+                    needed: want.unit.clone(),
                     sent: self.0[place].field.unit.clone(),
                 }),
                 None => {
                     let candidates = self.0.iter().filter(|signal| signal.kind == kind);
                     let names = candidates.map(|signal| signal.field.name.as_str());
                     unbound.push(Unbound::Missing {
-                        wanted: want.name.clone(),
+                        needed: want.name.clone(),
                         nearest: nearest(&want.name, names)
                             .into_iter()
                             .map(Into::into)
@@ -193,7 +193,7 @@ pub enum Unusable {
     #[error("`{0}` is defined twice")]
     Twice(String),
     /// Too many columns.
-    #[error("there are {count}, but at most {most} are allowed")]
+    #[error("there are {count} entries, but at most {most} are allowed")]
     Many {
         /// Returns the number of columns.
         count: usize,

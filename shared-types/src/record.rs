@@ -33,9 +33,9 @@ use crate::layout::{SignalKind, SignalTable, difference};
 use crate::table::Field;
 
 pub use event::{
-    ChangedValue, ControllerChange, ControllerFate, Event, FaultAccepted, FaultBegun,
+    BusCounts, ChangedValue, ControllerChange, ControllerFate, Event, FaultAccepted, FaultBegun,
     FaultEffectSize, FaultEnded, LONGEST_MARK, MOST_CHANGES, MOST_MARKS, Mark, Outcome, RunEnd,
-    ValueChange,
+    SaturatedSignal, ValueChange,
 };
 
 /// Version of records and of recordings.
@@ -225,7 +225,7 @@ impl RecordLayout {
             }
             (places != our_places).then(|| {
                 format!(
-                    "commands at {places:?} of their frames; its --describe says {our_places:?}"
+                    "commands at positions {places:?} of command frames; its --describe says {our_places:?}"
                 )
             })
         })

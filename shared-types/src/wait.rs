@@ -1,5 +1,7 @@
-//! Contract of a wait: its strategy, its limit, and the place where a waiter sleeps. Uses no clock and no system call;
-//! the waiter itself is in `hil-session`.
+//! Contract of a wait: its strategy, its limit, and the place where a waiter sleeps. Uses no clock and no system call.
+//!
+//! A scenario or `--wait` requests a strategy; `hil-session` picks the one in force (`realtime::apply`: no spinning where
+//! both sides share their only core) and waits by it (`waiter`).
 
 use std::fmt;
 

@@ -14,7 +14,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
 /// targets, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 22] = [
+const ARROWS: [(&str, &[&str], &[&str]); 23] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
@@ -22,7 +22,13 @@ const ARROWS: [(&str, &[&str], &[&str]); 22] = [
     ("hil-config", &["shared-types", "hil-codec"], &[]),
     (
         "plant-process",
-        &["shared-types", "hil-session", "hil-config", "hil-origin"],
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-codec",
+            "hil-config",
+            "hil-origin",
+        ],
         &[],
     ),
     (
@@ -49,6 +55,17 @@ const ARROWS: [(&str, &[&str], &[&str]); 22] = [
             "hil-session",
             "hil-config",
             "plant-process",
+        ],
+        &[],
+    ),
+    (
+        "hil-port",
+        &[
+            "shared-types",
+            "hil-session",
+            "hil-codec",
+            "hil-config",
+            "controller-process",
         ],
         &[],
     ),
@@ -225,10 +242,11 @@ const SYSTEM: [&str; 8] = [
 /// The only package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
-const PROGRAMS: [&str; 6] = [
+const PROGRAMS: [&str; 7] = [
     "controller-process",
     "hil",
     "hil-fmu",
+    "hil-port",
     "hil-target",
     "plant-process",
     "hil-rig",
@@ -334,7 +352,7 @@ fn the_contract_needs_no_package_for_the_operating_system() {
 }
 
 #[test]
-fn there_are_six_programs() {
+fn there_are_seven_programs() {
     let packages = packages();
     let targets = packages
         .iter()

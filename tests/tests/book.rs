@@ -32,6 +32,7 @@ fn every_command_block_of_the_book_runs() {
     // Set before the first page, because tests that must run alone wait for the end of a page.
     for name in [
         "own-plant",
+        "quad",
         "own-controller",
         "own-fault",
         "unix-socket-link",

@@ -205,7 +205,7 @@ fn an_answer_without_end_is_refused() {
         "{scenario} --controller-bin {}",
         endless.display()
     ));
-    run.expect(2).says(&["its answer is longer than 16 MiB"]);
+    run.expect(2).says(&["the answer is longer than 16 MiB"]);
     // Error output may be endless too; only the answer matters.
     let own = program("controller-process");
     let text = format!(

@@ -161,7 +161,7 @@ fn a_description_lists_direct_feedthrough_and_omissions() {
     let text = place.hil(&["describe", "f.fmu"]).expect(0).stdout;
     for line in [
         "FMI 3.0 co-simulation, made by Reference FMUs (development build)",
-        "moves in steps of 0.1 s: a period must be a multiple",
+        "advances in steps of 0.1 s; the period of a run must be a multiple of this",
         "  Int32_output on Int32_input",
         "  Binary_input: it is a binary and keeps its start value",
         "  String_output: it is a text",
@@ -358,12 +358,12 @@ fn broken_and_hostile_archives_are_refused_and_nothing_is_left() {
         (and("../../outside"), "does not name a file inside the archive"),
         (and("/etc/outside"), "does not name a file inside the archive"),
         (vec![], "too short"),
-        (sound[1..].to_vec(), "it has no modelDescription.xml"),
-        (sound[..1].to_vec(), "it has no library for"),
+        (sound[1..].to_vec(), "the archive has no modelDescription.xml"),
+        (sound[..1].to_vec(), "the FMU has no library for"),
         (with(sound.clone(), ".xml", text("<fmiModelDescription", bomb)), "document type"),
         (with(sound.clone(), ".xml", text("\"3.0\"", "\"1.0\"")), "only FMI 2.0 and 3.0 are supported"),
         (with(sound.clone(), ".xml", |bytes| { bytes[..bytes.len() / 2].to_vec() }), "modelDescription.xml"),
-        (with(sound.clone(), library, |_| b"no library".to_vec()), "its library cannot be loaded"),
+        (with(sound.clone(), library, |_| b"no library".to_vec()), "the FMU's library cannot be loaded"),
         (with(sound.clone(), ".xml", text("instantiationToken=\"{", "instantiationToken=\"{0")), "refuses to be instantiated"),
         (
             with(sound.clone(), library, |_| {

@@ -1,6 +1,8 @@
 //! Inputs of the plant that no law commands, from a scenario to its recording: constants, courses, faults, changes,
 //! checkpoints and repetitions.
 
+use std::path::Path;
+
 use crate::support::board::Board;
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
@@ -216,6 +218,76 @@ fn a_live_fault_and_a_live_change_of_an_input_repeat() {
     assert_eq!(
         [input[499], input[500], input[799], input[800]],
         [280.0, 285.0, 285.0, 295.0]
+    );
+    let again = rig.rerun(&run.folder, &[]).expect(0);
+    assert_eq!(again.digest(), run.digest());
+}
+
+#[test]
+fn a_live_request_that_an_input_cannot_follow_is_refused_and_the_run_goes_on() {
+    let rig = Rig::new();
+    let scenario = rig.write("room.toml", &format!("{ROOM}{STEP}"));
+    let plant = program_of_tests("heated-room");
+    let line = |scenario: &Path| {
+        let (scenario, plant) = (scenario.display(), plant.display());
+        format!("{scenario} --plant-bin {plant} --pause-at 0.5")
+    };
+    let held = rig.start(&line(&scenario));
+    rig.until_held_at(500);
+    rig.in_session("set input.ambient_k=1001")
+        .expect(2)
+        .says(&["`input.ambient_k` is 1001, out of range", "100 to 1000"]);
+    rig.in_session("set plant.ambient_k=290")
+        .expect(2)
+        .says(&["during a run this input of the plant is `input.ambient_k`"]);
+    rig.in_session("inject bias plant.ambient_k 5")
+        .expect(2)
+        .says(&["during a run this input of the plant is `input.ambient_k`"]);
+    rig.in_session("get --tunable controller.hold.value")
+        .expect(0)
+        .prints(&["not set"]);
+    rig.in_session("set controller.hold.value=100").expect(0);
+    rig.in_session("get --tunable controller.hold.value")
+        .expect(0)
+        .prints(&["100", "changed"]);
+    rig.in_session("resume").expect(0);
+    held.finish().expect(0);
+
+    let constant = "[plant.inputs]\nambient_k = 290.0\n";
+    let scenario = rig.write("constant.toml", &format!("{ROOM}{constant}"));
+    let held = rig.start(&line(&scenario));
+    rig.until_held_at(500);
+    for request in [
+        "set input.ambient_k=300",
+        "set plant.inputs.ambient_k=300",
+        "inject bias input.ambient_k 5",
+        "inject bias plant.ambient_k 5",
+    ] {
+        rig.in_session(request).expect(2).says(&[
+            "the input `ambient_k` is a constant of this run",
+            "target = \"plant.ambient_k\"",
+        ]);
+    }
+    rig.in_session("resume").expect(0);
+    held.finish().expect(0);
+}
+
+#[test]
+fn a_ramp_from_no_value_begins_at_its_end() {
+    let rig = Rig::new();
+    let change =
+        "[[changes]]\nat_s = 0.5\nramp_s = 1.0\n[changes.set]\ncontroller.hold.value = 300.0\n";
+    let run = run(&rig, change, "").expect(0);
+    let command = Recording::open(&run.recording()).column("command.ambient_k");
+    // The law approaches a new value within 0.1 s.
+    assert_eq!(
+        [command[499], command[600], command[1999]],
+        [280.0, 300.0, 300.0]
+    );
+    assert!(
+        command[..2000]
+            .iter()
+            .all(|value| (280.0..=300.0).contains(value))
     );
     let again = rig.rerun(&run.folder, &[]).expect(0);
     assert_eq!(again.digest(), run.digest());

@@ -181,11 +181,18 @@ fn the_figures_of_instruments_are_shown() {
         "after 1 s",
         "command.force_n",
         "deg at 10 Hz",
+        // The loop of the teaching plant measures the position alone.
+        "unused        law `pid` does not use this signal",
     ]);
     let figures = rig
         .hil(&[&show[..], &["--json", "--at-hz", "10"]].concat())
         .expect(0)
         .json();
+    let is_used = |place: usize| figures["instruments"][place]["is_used"].as_bool();
+    assert_eq!(
+        [0, 1, 2].map(is_used),
+        [Some(true), Some(false), Some(true)]
+    );
     let drive = &figures["instruments"][2];
     assert_eq!(drive["signal"], "command.force_n");
     let near = |key: &str, expected: f64| {

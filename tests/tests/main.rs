@@ -49,6 +49,7 @@
 //! | [`paths`] | file names that are not UTF-8 |
 //! | [`playback`] | files of other programs and recordings, played back in runs |
 //! | [`plots`] | report, monitor and layout show the same plots of a run in the same order |
+//! | [`ports`] | port files as controllers, with a peer in Python |
 //! | [`realtime_settings`] | real-time settings requested of the system, and those granted |
 //! | [`recording`] | content of a recording, read without the recorder's code |
 //! | [`recover`] | recovery after a death, on a full disk and of a damaged file |
@@ -100,6 +101,7 @@ mod audit;
 mod bad_input;
 mod baselines;
 mod book;
+mod bus;
 mod by_hand;
 mod campaign;
 mod chatter;
@@ -147,8 +149,10 @@ mod paper;
 mod paths;
 mod playback;
 mod plots;
+mod ports;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
+mod quad;
 mod realtime_settings;
 mod recording;
 mod recover;

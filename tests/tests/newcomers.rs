@@ -237,3 +237,27 @@ fn a_missing_scenario_of_a_study_is_answered_with_its_folder() {
     ];
     refused(run, "campaign check", &parts);
 }
+
+#[test]
+fn a_built_in_plant_or_law_is_described_by_its_name() {
+    let rig = Rig::new();
+    let text = rig.hil(&["describe", "drhas"]).expect(0).stdout;
+    for part in [
+        "plant drhas: Dual",
+        "actuator1_valve_current_a",
+        "surface_angle_rad",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    assert!(!text.contains("plant spring-mass"), "{text}");
+    let laws = rig.hil(&["describe", "pid", "--json"]).expect(0).json();
+    let laws = laws["description"]["laws"].as_array().expect("a list");
+    let plants: Vec<&str> = laws
+        .iter()
+        .filter_map(|law| law["plants"][0].as_str())
+        .collect();
+    assert_eq!(plants, ["drhas", "spring-mass"]);
+    rig.hil(&["describe", "drhass"]).expect(2).says(&[
+        "neither a file `drhass` nor a plant or a law of that name; there are `drhas`, `ftsc`",
+    ]);
+}

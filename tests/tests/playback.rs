@@ -5,6 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::support::harness::{Rig, Run, names, text};
+use crate::support::programs::workspace;
 
 /// The paper's plant under FTSC, which needs five derivatives, for half a second.
 fn hydraulic(rig: &Rig, name: &str, stimulus: &str) -> String {
@@ -133,7 +134,9 @@ fn a_long_table_is_kept_once_in_the_run_and_found_wherever_the_run_goes() {
          [[derived]]\nname = \"flown_m\"\n{table}\n"
     );
     let scenario = teaching(&rig, "long.toml", &more);
-    let first = run(&rig, &scenario, "first", &[]).expect(0);
+    let first = run(&rig, &scenario, "first", &["--checkpoint-at", "0.5"]).expect(0);
+    let check = &first.summary()["checkpoints"][0]["check"]["text"];
+    assert_eq!(check, "exact for 100 steps");
     let tables = names(&first.folder.join("tables"));
     assert_eq!(tables.len(), 1, "{tables:?}");
     let name = tables.first().expect("a table");
@@ -152,9 +155,12 @@ fn a_long_table_is_kept_once_in_the_run_and_found_wherever_the_run_goes() {
         &["--link", "in-process"],
     );
     assert_eq!(in_process.expect(0).digest(), first.digest());
-    let moved = rig.path("moved");
+    let (moved, digest) = (rig.path("moved"), first.digest());
     fs::rename(&first.folder, &moved).expect("moved");
     rig.rerun(&moved, &[]).expect(0).prints(&["same digest"]);
+    let from = format!("--from {}", moved.join("checkpoint-500").display());
+    let continued = rig.run(&from).expect(0);
+    assert_eq!(continued.digest(), digest);
     rig.hil(&["replay", text(&moved)]).expect(0);
     let table = rig.path("flown.csv");
     rig.hil(&[
@@ -172,7 +178,7 @@ fn a_long_table_is_kept_once_in_the_run_and_found_wherever_the_run_goes() {
     damage(&moved.join("tables").join(name));
     rig.hil(&["rerun", text(&moved)])
         .expect(2)
-        .says(&["its content has changed"]);
+        .says(&["the content has changed"]);
     rig.assert_nothing_left();
 }
 
@@ -212,4 +218,105 @@ fn a_bound_may_be_what_was_measured_on_the_rig() {
     for (run, code) in [(&wide, 0), (&narrow, 1)] {
         rig.hil(&["judge", text(&run.folder)]).expect(code);
     }
+}
+
+/// Runs a table of the scenario through every way in which a run can be had again.
+fn every_way_repeats(rig: &Rig, name: &str, [file, column]: [&str; 2], scale: f64) {
+    let table =
+        format!("file = \"{file}\"\ncolumn = \"{column}\"\nend = \"hold\"\nscale = {scale}");
+    let more = format!(
+        "[[stimuli]]\ntarget = \"position_m\"\nkind = \"table\"\n{table}\n\
+         [[derived]]\nname = \"flown_m\"\n{table}\n\
+         [[sensors]]\nsignal = \"position_m\"\nbits = 12\nrange = [-0.1, 0.1]\nnoise_sigma = \"1 LSB\"\n\
+         [[requirements]]\nname = \"near\"\nformula = \"always(abs(truth.position_m - flown_m) < 1)\"\n"
+    );
+    let scenario = teaching(rig, &format!("{name}.toml"), &more);
+    let first = run(rig, &scenario, name, &["--checkpoint-at", "0.5"]).expect(0);
+    let (digest, folder) = (first.digest(), first.folder.clone());
+    let check = &first.summary()["checkpoints"][0]["check"]["text"];
+    assert_eq!(check, "exact for 100 steps", "{name}");
+    let again = run(
+        rig,
+        &scenario,
+        &format!("{name}-one"),
+        &["--link", "in-process"],
+    );
+    assert_eq!(again.expect(0).digest(), digest, "{name} in one process");
+    let from = rig.run(&format!(
+        "--from {}",
+        folder.join("checkpoint-500").display()
+    ));
+    assert_eq!(from.expect(0).digest(), digest, "{name} from a checkpoint");
+    rig.hil(&["rerun", text(&folder), "--no-record"])
+        .expect(0)
+        .prints(&["same digest"]);
+    rig.hil(&["replay", text(&folder)])
+        .expect(0)
+        .prints(&["same: 1000 answers"]);
+    let study = format!(
+        "schema = 1\nname = \"study\"\nscenario = \"{name}.toml\"\ncases = 3\nseed = 1\n\
+         [[vary]]\nkey = \"stimuli[0].scale\"\nkind = \"uniform\"\nmin = {}\nmax = {}\n",
+        0.5 * scale,
+        1.5 * scale
+    );
+    let study = rig.write(&format!("{name}-study.toml"), &study);
+    let campaign = rig.path(&format!("{name}-campaign"));
+    rig.hil(&["campaign", "plan", text(&study), "-o", text(&campaign)])
+        .expect(0);
+    rig.hil(&["campaign", "run", text(&campaign)]).expect(0);
+    let case = rig.path(&format!("{name}-case"));
+    rig.hil(&[
+        "campaign",
+        "case",
+        text(&campaign),
+        "1",
+        "--out",
+        text(&case),
+    ])
+    .expect(0)
+    .says(&["reproduced the campaign's digest"]);
+}
+
+#[test]
+fn a_run_repeats_from_every_kind_of_table() {
+    let rig = Rig::new();
+    let mut dates = String::from("when,position [mm]\n");
+    let mut long = String::from("time_us,position_m\n");
+    for row in 0..100_u32 {
+        let x = 10.0 * libm::sin(f64::from(row) * 0.1);
+        let _ = writeln!(dates, "2026-11-28 05:59:{:02}.{:02}+01:00,{x:?}", 59, row);
+    }
+    for row in 0..1_050_000_u32 {
+        let _ = writeln!(long, "{row},{:?}", 0.01 * libm::sin(f64::from(row) * 1e-5));
+    }
+    rig.write("dates.csv", &dates);
+    rig.write("long.csv", &long);
+    every_way_repeats(&rig, "dates", ["dates.csv", "position"], 1.0);
+    every_way_repeats(
+        &rig,
+        "recording",
+        ["dates/run.mcap", "truth.position_m"],
+        1.0,
+    );
+    let parquet = rig.path("table.parquet");
+    let recording = rig.path("dates/run.mcap");
+    rig.hil(&[
+        "export",
+        text(&recording),
+        "-o",
+        text(&parquet),
+        "--signal",
+        "truth.*",
+    ])
+    .expect(0);
+    every_way_repeats(&rig, "parquet", ["table.parquet", "truth.position_m"], 1.0);
+    every_way_repeats(&rig, "long", ["long.csv", "position"], 1.0);
+    // Messages of ROS 2.
+    fs::copy(
+        workspace().join("tests/golden/flight.mcap"),
+        rig.path("flight.mcap"),
+    )
+    .expect("a copy");
+    every_way_repeats(&rig, "messages", ["flight.mcap", "/imu.rate.x"], 0.01);
+    rig.assert_nothing_left();
 }

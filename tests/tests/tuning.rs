@@ -155,7 +155,7 @@ fn invalid_changes_are_refused_by_name_and_change_nothing() {
         ("plant.parameters.mass_kg=2 --at 5", "the run ends at 5 s"),
         ("controller.pid.command_limit_n=inf --ramp 1s", "along a ramp"),
         ("--clear reference.velocity_mps", "has no stimulus"),
-        ("--clear reference.position_m --ramp 1s", "a ramp has no end value"),
+        ("--clear reference.position_m --ramp 1s", "a ramp needs an end value"),
     ];
     for (words, why) in cases {
         rig.in_session(&format!("set {words}"))

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::State;
-use shared_types::table::Table;
+use shared_types::table::{Field, Table};
 
 use super::transfer::Transfer;
 use crate::controller::{Law, LawKind, Row, Start, Transition, TunedRows};
@@ -88,6 +88,18 @@ impl Law for Hold {
     }
 }
 
+/// Lists the parameters. No number stands for the start values that the law holds without a value.
+fn parameters() -> Vec<Field> {
+    let without_default = |field| Field {
+        default: None,
+        ..field
+    };
+    Parameters::fields()
+        .into_iter()
+        .map(without_default)
+        .collect()
+}
+
 /// Returns the entry of `hold` in the list of laws.
 #[must_use]
 pub fn kind() -> LawKind {
@@ -96,7 +108,7 @@ pub fn kind() -> LawKind {
             name: "hold".into(),
             summary: "Gives every command of the plant one constant value.".into(),
             plants: Vec::new(),
-            parameters: Parameters::fields(),
+            parameters: parameters(),
             model: Vec::new(),
             measured: Vec::new(),
             reference: Vec::new(),
@@ -129,7 +141,6 @@ fn start(start: &Start<'_>) -> Result<Box<dyn Law>, Invalid> {
 mod tests {
     use super::*;
     use shared_types::describe::Settings;
-    use shared_types::table::Field;
 
     #[test]
     fn every_command_of_the_plant_gets_the_value() {

@@ -13,7 +13,7 @@ use super::transfer::Transfer;
 use crate::controller::Transition;
 
 /// Sentence on the effect of changing a gain of the laws named `pid` during a run.
-pub const TUNING: &str = "The command goes on from what the old gains would have given: the integral takes up the difference; without an integral gain it fades within 0.1 s after a jump.";
+pub const TUNING: &str = "The command goes on from what the old gains would have given: the integral takes up the difference; without an integral gain the difference fades within 0.1 s after a jump.";
 
 /// Gains, in units of the command per unit of the error (and per second or times second).
 #[derive(Clone, Copy, Debug, PartialEq)]

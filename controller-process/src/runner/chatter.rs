@@ -66,7 +66,7 @@ fn ends(runner: &mut Runner<'_, Echo>) -> String {
     let watched = supervision.clone();
     let watchdog = std::thread::spawn(move || {
         if is_over.recv_timeout(WATCHDOG) == Err(mpsc::RecvTimeoutError::Timeout) {
-            watched.stop("it does not end");
+            watched.stop("the controller does not end");
         }
     });
     let waiter = Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S));

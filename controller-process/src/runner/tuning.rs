@@ -237,8 +237,9 @@ pub(super) fn offered(
     let offered = law.tunable().filter_map(|field| {
         Some(TunableParameter {
             field: field.clone(),
-            // The program takes its default for one that the scenario leaves out.
-            value: (parameters.get(&field.name)).or(field.default.filter(|_| field.is_optional))?,
+            // The program takes its default for one that the scenario leaves out; without one, the value is not set.
+            value: (parameters.get(&field.name))
+                .or_else(|| field.is_optional.then(|| field.default.unwrap_or(f64::NAN)))?,
             is_unreadable: unreadable.contains(&field.name),
         })
     });

@@ -20,7 +20,7 @@ pub(crate) struct Socket {
     stream: Option<UnixStream>,
     /// Messages that the system has not accepted yet, each with its head, and the accepted bytes of the first.
     outgoing: VecDeque<Vec<u8>>,
-    taken: usize,
+    written: usize,
     /// Received bytes that do not form a whole message yet.
     incoming: Vec<u8>,
 }
@@ -32,7 +32,7 @@ impl Socket {
             listener: None,
             stream: None,
             outgoing: VecDeque::new(),
-            taken: 0,
+            written: 0,
             incoming: Vec::new(),
         }
     }
@@ -90,7 +90,7 @@ impl Socket {
 
     /// Sends a message in place of all waiting ones; a message that is partly sent is completed first.
     pub(crate) fn replace(&mut self, message: &[u8]) -> Result<(), LinkError> {
-        self.outgoing.truncate(usize::from(self.taken > 0));
+        self.outgoing.truncate(usize::from(self.written > 0));
         self.queue(message)
     }
 
@@ -125,15 +125,15 @@ impl Socket {
             }
         }
         while let (Some(stream), Some(first)) = (&mut self.stream, self.outgoing.front()) {
-            match stream.write(&first[self.taken..]) {
-                Ok(count) => self.taken += count,
+            match stream.write(&first[self.written..]) {
+                Ok(count) => self.written += count,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
                 Err(error) if is_death(&error) => self.outgoing.clear(),
                 Err(error) => return Err(self.failed(&error)),
             }
-            if (self.outgoing.front()).is_none_or(|first| self.taken == first.len()) {
+            if (self.outgoing.front()).is_none_or(|first| self.written == first.len()) {
                 self.outgoing.pop_front();
-                self.taken = 0;
+                self.written = 0;
             }
         }
         Ok(())

@@ -147,11 +147,11 @@ impl AnalysisContext<'_> {
         let highest_hz = grid.rate.hz() / SAMPLES_PER_TURN;
         let wrong = if end_hz <= start_hz {
             Some(format!(
-                "the frequency of the chirp `{target}` does not rise"
+                "`end_hz` of the chirp `{target}` is not above `start_hz`"
             ))
         } else if end_hz > highest_hz {
             Some(format!(
-                "the chirp `{target}` ends at {} Hz; with this exchange rate no more than {} Hz can be analysed",
+                "the chirp `{target}` ends at {} Hz; at this exchange rate at most {} Hz can be analysed",
                 number(end_hz),
                 number(highest_hz)
             ))
@@ -160,7 +160,7 @@ impl AnalysisContext<'_> {
                 "the chirp `{target}` extends beyond the end of the run"
             ))
         } else if turns < 2.0 {
-            Some(format!("the chirp `{target}` has less than two turns"))
+            Some(format!("the chirp `{target}` has fewer than two periods"))
         } else {
             None
         };
@@ -262,7 +262,10 @@ impl AnalysisContext<'_> {
                 ),
                 None => (
                     ProblemKind::MissingKey,
-                    format!("`{path}` does not state which stimulus is meant"),
+                    format!(
+                        "`{path}` is missing, and the scenario has {} stimuli of kind {kind}",
+                        fitting.len()
+                    ),
                 ),
             };
             let expected = match fitting.len() {

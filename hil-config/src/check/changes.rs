@@ -6,13 +6,14 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use shared_types::describe::PlantDescription;
+use shared_types::describe::{PlantDescription, Settings};
 use shared_types::live::ChangeRequest;
 use shared_types::record::{ChangedValue, MOST_CHANGES};
 use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::RequestContext;
+use super::inputs::Advice;
 use super::parameters::{LISTED, Written, collect, is_named};
 use super::run::Grid;
 use crate::document::Entry;
@@ -21,7 +22,7 @@ use crate::plan::{Change, INPUT_KEYS, PLANT_KEYS, REFERENCE_KEYS, Stimulus, law_
 use crate::problem::{ProblemKind, Problems, listed};
 use crate::quantity::{Quantity, toml_float};
 use crate::reader::{Reader, Section};
-use crate::scenario::Scenario;
+use crate::scenario::{Scenario, root};
 
 /// Context against which changes are checked. A part that is `None` is itself faulty; anything that depends on it is
 /// not checked.
@@ -33,6 +34,8 @@ pub(crate) struct ChangeContext<'a> {
     pub law: Option<(&'a str, &'a [Field])>,
     /// Reference signals.
     pub stimuli: Option<&'a [Stimulus]>,
+    /// Constant inputs of the plant.
+    pub constants: &'a Settings,
     /// Steps of the run.
     pub grid: Option<Grid>,
 }
@@ -124,8 +127,8 @@ fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
         };
         let field = Field {
             aliases: stimulus.aliases.clone(),
-            min: f64::MIN,
-            max: f64::MAX,
+            min: stimulus.range[0],
+            max: stimulus.range[1],
             ..Field::signal(&stimulus.target, &stimulus.unit, "")
         };
         Known {
@@ -151,7 +154,11 @@ fn change(
         .table
         .get("set")
         .and_then(|_| reader.table(section, "set"));
-    let set = set.map(|set| values(reader, section, &set, keys));
+    let advice = Advice {
+        stimuli: context.stimuli.unwrap_or_default(),
+        constants: context.constants,
+    };
+    let set = set.map(|set| values(reader, section, &set, keys, advice));
     let clear = section
         .table
         .get("clear")
@@ -182,9 +189,13 @@ fn change(
     }
     let is_endless = |one: &&ChangedValue| ramp_s.is_some() && !one.value.is_finite();
     let no_way = match set.iter().find(is_endless) {
-        Some(one) => Some(format!("`{}` cannot change to {} along a ramp", one.key, one.value)),
+        Some(one) => Some(format!(
+            "`{}` cannot change to {} along a ramp",
+            one.key, one.value
+        )),
         None if ramp_s.is_some() && set.is_empty() => Some(
-            "a reference signal returns to its stimulus immediately, because a ramp has no end value there".into(),
+            "a reference signal returns to its stimulus at once, because a ramp needs an end value"
+                .into(),
         ),
         None => None,
     };
@@ -225,6 +236,7 @@ fn values(
     section: &Section<'_>,
     set: &Section<'_>,
     keys: Option<&[Known]>,
+    advice: Advice<'_>,
 ) -> Vec<ChangedValue> {
     let mut leaves = Vec::new();
     collect(set.table, "", &[], &mut leaves);
@@ -251,7 +263,8 @@ fn values(
             .filter(|one| one.is_tunable)
             .collect();
         if tunable.is_empty() {
-            unknown(reader, &path, &name, entry, keys, !matches.is_empty());
+            let is_there = !matches.is_empty();
+            unknown(reader, &path, &name, entry, keys, is_there, advice);
         }
         for one in tunable {
             let Some(value) = reader.quantity(&path, &entry.node, &Quantity::from(&one.field))
@@ -303,6 +316,7 @@ fn unknown(
     entry: &Entry,
     keys: &[Known],
     is_there: bool,
+    advice: Advice<'_>,
 ) {
     let tunable = keys.iter().filter(|one| one.is_tunable);
     let names: Vec<&str> = tunable.map(|one| one.key.as_str()).collect();
@@ -311,14 +325,17 @@ fn unknown(
         count if count <= LISTED => format!("one of {}", listed(names.iter().copied())),
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };
-    let message = match is_there {
+    let message = match is_there || advice.is_constant(name) {
         true => format!("`{name}` cannot be changed during the run"),
         false => format!("there is no `{name}` to change"),
     };
-    reader
+    let problem = reader
         .report(ProblemKind::UnknownKey, path, &entry.key_place, message)
         .expected(expected)
         .nearest(name, names.iter().copied());
+    if let Some(help) = advice.on(name) {
+        problem.help(help);
+    }
 }
 
 /// Lists the reference signals that return to their stimulus.
@@ -364,11 +381,12 @@ impl RequestContext {
     ) -> Result<Change, Problems> {
         let scenario = Scenario::parse(&toml(request), "request")?;
         let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-        let root = super::root(&scenario).with_keys(LIVE_CHANGE);
+        let root = root(&scenario).with_keys(LIVE_CHANGE);
         let context = ChangeContext {
             plant: Some(&self.plant),
             law: Some(law),
             stimuli: Some(&self.stimuli),
+            constants: &self.constants,
             grid: Some(self.grid()),
         };
         let change = live(&mut reader, &root, &context, id);

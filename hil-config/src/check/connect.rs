@@ -88,7 +88,7 @@ pub(super) fn check(
         let message = error.to_string();
         reader
             .report_at(section, "plant", ProblemKind::Duplicate, message)
-            .help("connect the command of that name to another one as well");
+            .help("connect the law's own command of that name to another command as well");
     }
     (reader.problems.len() == problems).then_some(connections)
 }

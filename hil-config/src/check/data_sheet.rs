@@ -198,6 +198,13 @@ fn converted(value: f64, symbol: &str, unit: &str, is_level: bool) -> Result<f64
         Err(error) => Unfit::new(error.to_string()),
     };
     unfit.help = spelling(symbol).map(Into::into);
+    if let Some(whole) = unit.strip_suffix("/s")
+        && converted(value, symbol, whole, is_level).is_ok()
+    {
+        unfit.help = Some(format!(
+            "a rate has a time too, as {symbol}/s or {symbol}/ms"
+        ));
+    }
     if unit.ends_with("/sqrt(Hz)") && symbol.contains("/sqrt(") {
         unfit.help = Some(format!(
             "a density of this signal is in {unit}; N of IEEE 952, such as deg/sqrt(h), applies to a rate, such as rad/s"

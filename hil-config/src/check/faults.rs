@@ -20,6 +20,7 @@ use std::path::Path;
 use shared_types::describe::{FaultKindDescription, PlantDescription, Settings};
 use shared_types::table::Field;
 
+use super::inputs::Advice;
 use super::run::Grid;
 use crate::document::Value;
 use crate::expression::Columns;
@@ -46,6 +47,10 @@ pub(crate) struct EventContext<'a> {
     pub reference: Option<&'a [Field]>,
     /// Inputs of the plant that stimuli drive.
     pub inputs: Option<&'a [Field]>,
+    /// Inputs of the plant that the scenario drives, for advice.
+    pub advice: Advice<'a>,
+    /// Number of networks that carry the frames of the link.
+    pub networks: u8,
     /// Columns that expressions may name: a record's signals and every derived signal.
     pub columns: Option<&'a Columns>,
     /// Steps of the run.

@@ -8,7 +8,7 @@ use shared_types::table::Field;
 
 use super::parameters;
 use crate::document::{Entry, Value};
-use crate::plan::PLANT_TARGET;
+use crate::plan::{INPUT_KEYS, PLANT_TARGET, Stimulus};
 use crate::problem::ProblemKind;
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
@@ -207,6 +207,52 @@ fn finite(field: &Field) -> Quantity<'_> {
         min: field.min.clamp(f64::MIN, f64::MAX),
         max: field.max.clamp(f64::MIN, f64::MAX),
         ..quantity
+    }
+}
+
+/// Inputs that the scenario drives, for advice on names that a change or a fault cannot use.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Advice<'a> {
+    /// Reference signals, and inputs with a course.
+    pub stimuli: &'a [Stimulus],
+    /// Constant inputs.
+    pub constants: &'a Settings,
+}
+
+impl Advice<'_> {
+    /// Returns the input that a name means, with or without a group before it.
+    fn input(name: &str) -> &str {
+        let groups = [
+            INPUT_KEYS,
+            "plant.inputs.",
+            "plant.parameters.",
+            PLANT_TARGET,
+        ];
+        let stripped = groups
+            .into_iter()
+            .find_map(|group| name.strip_prefix(group));
+        stripped.or(name.strip_prefix("command.")).unwrap_or(name)
+    }
+
+    /// Returns `true` if a name means a constant input.
+    pub(super) fn is_constant(&self, name: &str) -> bool {
+        self.constants.get(Self::input(name)).is_some()
+    }
+
+    /// Describes how the input that a name means can be changed or faulted; `None` for another name.
+    pub(super) fn on(&self, name: &str) -> Option<String> {
+        let input = Self::input(name);
+        if let Some(value) = self.constants.get(input) {
+            let value = number(value);
+            return Some(format!(
+                "the input `{input}` is a constant of this run; \
+                 one with a course is changed and faulted as `{INPUT_KEYS}{input}`: in place of \
+                 `{input}` under [plant.inputs] write\n[[stimuli]]\ntarget = \"{PLANT_TARGET}{input}\"\nkind = \"step\"\nafter = {value}"
+            ));
+        }
+        let mut inputs = self.stimuli.iter().filter_map(Stimulus::input);
+        let is_driven = inputs.any(|one| one == input) && !name.starts_with(INPUT_KEYS);
+        is_driven.then(|| format!("during a run this input of the plant is `{INPUT_KEYS}{input}`"))
     }
 }
 

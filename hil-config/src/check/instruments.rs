@@ -59,10 +59,10 @@ fn all(
             if let Some(field) = field
                 && !names.insert(&field.name)
             {
-                let message = format!("two entries of `{table}` are of `{}`", field.name);
+                let message = format!("`{table}` has two entries for `{}`", field.name);
                 reader
                     .report_at(section, "signal", ProblemKind::Duplicate, message)
-                    .help("one entry has all keys of a signal");
+                    .help("put all keys of a signal into one entry");
             }
             instrument(reader, section, field?, fields?, grid)
         })
@@ -284,8 +284,7 @@ fn cross(
     let mut shares = std::collections::BTreeMap::new();
     for entry in table.table.entries() {
         let path = table.path_of(&entry.key);
-        let found = fields.iter().find(|field| field.is_called(&entry.key));
-        match found {
+        match fields.iter().find(|field| field.is_called(&entry.key)) {
             Some(field) if field.name != instrument.signal => {
                 let share = reader.quantity(&path, &entry.node, &Quantity::finite("1"));
                 share.map(|share| shares.insert(field.name.clone(), share));

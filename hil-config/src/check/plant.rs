@@ -144,7 +144,7 @@ fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) 
             let is_other =
                 |limit: &Limit| limit.signal == signal.name && (limit.min, limit.max) != (min, max);
             if limits.iter().any(is_other) {
-                let message = format!("`{path}` is a second limit of `{}`", signal.name);
+                let message = format!("`{path}` sets a second limit for `{}`", signal.name);
                 reader.report(ProblemKind::Duplicate, path, &entry.node.place, message);
                 continue;
             }

@@ -4,13 +4,13 @@ use std::collections::HashSet;
 
 use super::run::Grid;
 use super::signals::report;
-use super::{TITLE, is_title};
 use crate::expression::Columns;
 use crate::formula::Formula;
 use crate::monitor::{FormulaContext, Monitors};
 use crate::plan::{Derived, Requirement};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use crate::title::{TITLE, is_title};
 
 /// Returns the valid requirements and reports the others. Without columns, because plant, law or stimuli are faulty,
 /// names are not looked up, and without a grid windows are not checked.

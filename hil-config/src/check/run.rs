@@ -74,7 +74,7 @@ pub(super) fn check(reader: &mut Reader, root: &Section<'_>) -> (Option<Grid>, O
 fn steps(reader: &mut Reader, section: &Section<'_>, duration_s: f64, rate: Rate) -> Option<u64> {
     let exact = duration_s * rate.hz();
     let product = format!(
-        "{} s at {} Hz are {} steps",
+        "{} s at {} Hz is {} steps",
         number(duration_s),
         number(rate.hz()),
         number((exact * 1e6).round() / 1e6)

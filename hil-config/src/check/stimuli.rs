@@ -78,6 +78,7 @@ fn stimulus(
             .collect(),
         target: target?.into(),
         unit: unit?,
+        range: Stimulus::any_range(),
         waveform: waveform?,
     })
 }
@@ -126,6 +127,7 @@ fn of_input(
         target: format!("{PLANT_TARGET}{}", field.name),
         aliases: field.aliases.clone(),
         unit: field.unit.clone(),
+        range: [field.min, field.max].map(|end| end.clamp(f64::MIN, f64::MAX)),
         waveform: waveform?,
     })
 }

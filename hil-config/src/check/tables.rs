@@ -46,7 +46,7 @@ pub(super) fn of_profile(
 
 /// Signal that a table gives.
 pub(super) struct Signal<'a> {
-    /// Description of the table for messages: `a stimulus`.
+    /// Description of the table for messages, for example `a stimulus`.
     pub what: &'a str,
     /// Name.
     pub name: &'a str,
@@ -101,7 +101,7 @@ pub(super) fn check(
     }
     let (conversions, unit) = conversions(reader, section, signal, &rows)?;
     let points = moved(&rows.points, &conversions, [scale, offset, rows.start_s])?;
-    refuse_outside(reader, section, points.time_s(), repeat, grid)?;
+    refuse_outside(reader, section, points.time_s(), start_s, repeat, grid)?;
     if let Some(last) = rows.last
         && !repeat
         && section.table.get("end").is_none()
@@ -113,7 +113,7 @@ pub(super) fn check(
         Err(message) => {
             reader
                 .report_at(section, "interpolation", ProblemKind::Mismatch, message)
-                .expected("another `interpolation`, `repeat` or other rows");
+                .expected("another `interpolation` or `repeat`, or other rows");
             None
         }
     }
@@ -240,8 +240,8 @@ fn packed(reader: &mut Reader, section: &Section<'_>, folder: &Path, name: &str)
             let message = format!("`{}`: {error}", path.display());
             reader
                 .report_at(section, "file", ProblemKind::Unreadable, message)
-                .expected("the file of points that a run has kept")
-                .help("a run keeps a long table in its folder `tables`; copy or move the whole folder of the run");
+                .expected("the points file that the run saved")
+                .help("a run saves long tables in its folder `tables`; copy or move the whole folder of the run");
             None
         }
     }
@@ -399,6 +399,7 @@ fn refuse_outside(
     reader: &mut Reader,
     section: &Section<'_>,
     time_s: &[f64],
+    start_s: f64,
     repeat: bool,
     grid: Option<Grid>,
 ) -> Option<()> {
@@ -408,7 +409,16 @@ fn refuse_outside(
     if repeat && !is_outside {
         return Some(());
     }
-    points::refuse_outside(reader, section, time_s, &span)
+    let fits = points::refuse_outside(reader, section, time_s, &span);
+    if fits.is_none()
+        && let Some(problem) = reader.problems.last_mut()
+    {
+        let first_s = number(start_s + time_s[0]);
+        problem.help(format!(
+            "start_s = {first_s} begins the run with the first row"
+        ));
+    }
+    fits
 }
 
 /// Refuses a file of chosen columns that ends before the last sample of the run: what follows is the scenario's to say.

@@ -41,7 +41,7 @@ pub(super) fn pulse(
         let path = section.path_of("period_s");
         let (period, width) = (number(period_s), number(width_s));
         let message =
-            format!("`{path}` is {period}, and a pulse lasts {width}: it would never end");
+            format!("`{path}` is {period}, but a pulse lasts {width} and would never end");
         reader
             .report_at(section, "period_s", ProblemKind::Mismatch, message)
             .expected(format!("a number above {width} in s"));
@@ -122,7 +122,7 @@ pub(super) fn multisine(
         (true, false) => reader.number(section, "amplitude").map(Amplitudes::Equal),
         (false, true) => list(reader, section, "amplitudes").map(Amplitudes::Each),
         _ => {
-            let message = "a multisine needs its amplitudes once";
+            let message = "a multisine needs exactly one definition of its amplitudes";
             once(
                 reader,
                 section,
@@ -134,7 +134,7 @@ pub(super) fn multisine(
     };
     let phases = match (has(section, "phases"), has(section, "phases_rad")) {
         (true, true) => {
-            let message = "a multisine has its phases once";
+            let message = "a multisine takes at most one definition of its phases";
             once(
                 reader,
                 section,
@@ -245,7 +245,7 @@ fn frequencies(reader: &mut Reader, section: &Section<'_>) -> Option<Vec<f64>> {
             once(
                 reader,
                 section,
-                "a multisine needs its frequencies once",
+                "a multisine needs exactly one definition of its frequencies",
                 expected,
             );
             None

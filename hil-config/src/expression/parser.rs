@@ -59,7 +59,7 @@ pub(super) fn parse(text: &str) -> Result<Expression, ExpressionError> {
         .any(|ops| needed_stack(ops) > STACK)
     {
         let message = format!(
-            "more than {STACK} values wait for their operator; move a part into a derived signal"
+            "the expression keeps more than {STACK} intermediate values; move a part into a derived signal"
         );
         return Err(expression.error(0..text.len(), &message));
     }
@@ -262,7 +262,7 @@ impl Parser<'_> {
         }
         let names: Vec<&str> = functions().collect();
         let names = names.join(", ");
-        let message = format!("unknown function `{name}`; there are {names}");
+        let message = format!("unknown function `{name}`; the functions are {names}");
         let mut error = self.words.error(span, message);
         error.nearest = shared_types::table::nearest(name, functions())
             .into_iter()

@@ -59,7 +59,7 @@ pub(crate) const EFFECT: &[Key] = keys! {
 /// Target of a fault kind other than the plant's own.
 pub(crate) const TARGET: &[Key] = keys! {
     target!: TEXT,
-        "Target of the effect: measured.x, reference.x, command.x, input.x, parameter.x, link.sample, link.command, controller or plant.";
+        "Target of the effect: measured.x, reference.x, command.x, input.x, parameter.x, link.sample, link.command (with two networks also link.sample.a, link.sample.b, link.command.a and link.command.b), controller or plant.";
 };
 
 /// `profile`; in addition the keys of the kind in [`PROFILES`].

@@ -36,72 +36,57 @@ pub(crate) const WAVEFORMS: &[WaveformKind] = &[
         name: "paper",
         derivatives: 5,
         text: "atan(amplitude sin(2 pi frequency t)) (1 - exp(-onset t^3)), the paper's command.",
-        keys: &[
-            Key::new(
-                "amplitude",
-                number_or("1", f64::MIN, f64::MAX, 0.2),
-                "Factor inside the arc tangent.",
-            ),
-            Key::new(
-                "frequency_hz",
-                number_or("Hz", 0.0, Rate::MAX_HZ, 1.0),
-                "Frequency.",
-            ),
-            Key::new(
-                "onset_per_s3",
-                number_or("1/s3", 0.0, 1e12, 0.1),
-                "Speed of the onset.",
-            ),
-        ],
+        keys: keys! {
+            amplitude: number_or("1", f64::MIN, f64::MAX, 0.2), "Factor inside the arc tangent.";
+            frequency_hz: number_or("Hz", 0.0, Rate::MAX_HZ, 1.0), "Frequency.";
+            onset_per_s3: number_or("1/s3", 0.0, 1e12, 0.1), "Speed of the onset.";
+        },
     },
     WaveformKind {
         name: "step",
         derivatives: 0,
         text: "before until at_s, then after.",
-        keys: &[
-            Key::new("at_s", number_or("s", 0.0, MAX_S, 0.0), "Time of the step."),
-            Key::new("before", ANY_OR_ZERO, "Value before."),
-            Key::new("after", ANY, "Value from then on.").required(),
-        ],
+        keys: keys! {
+            at_s: number_or("s", 0.0, MAX_S, 0.0), "Time of the step.";
+            before: ANY_OR_ZERO, "Value before.";
+            after!: ANY, "Value from then on.";
+        },
     },
     WaveformKind {
         name: "ramp",
         derivatives: 1,
         text: "start until at_s, then a constant slope for duration_s, then end.",
-        keys: &[
-            Key::new("at_s", number_or("s", 0.0, MAX_S, 0.0), "Begin."),
-            Key::new("duration_s", LENGTH, "Length of the slope.").required(),
-            Key::new("start", ANY_OR_ZERO, "Value before."),
-            Key::new("end", ANY, "Value after.").required(),
-        ],
+        keys: keys! {
+            at_s: number_or("s", 0.0, MAX_S, 0.0), "Begin.";
+            duration_s!: LENGTH, "Length of the slope.";
+            start: ANY_OR_ZERO, "Value before.";
+            end!: ANY, "Value after.";
+        },
     },
     WaveformKind {
         name: "sine",
         derivatives: 5,
         text: "offset + amplitude sin(2 pi frequency t + phase).",
-        keys: &[
-            Key::new("amplitude", ANY, "Amplitude.").required(),
-            Key::new("frequency_hz", FREQUENCY, "Frequency.").required(),
-            Key::new("phase_rad", number_or("rad", -1e6, 1e6, 0.0), "Phase."),
-            Key::new("offset", ANY_OR_ZERO, "Mean value."),
-        ],
+        keys: keys! {
+            amplitude!: ANY, "Amplitude.";
+            frequency_hz!: FREQUENCY, "Frequency.";
+            phase_rad: number_or("rad", -1e6, 1e6, 0.0), "Phase.";
+            offset: ANY_OR_ZERO, "Mean value.";
+        },
     },
     WaveformKind {
         name: "chirp",
         derivatives: 5,
         text: "offset + a sine whose frequency goes from start_hz to end_hz in duration_s and stays there.",
-        keys: &[
-            Key::new("amplitude", ANY, "Amplitude.").required(),
-            Key::new("start_hz", FREQUENCY, "Frequency at the start.").required(),
-            Key::new("end_hz", FREQUENCY, "Frequency at the end.").required(),
-            Key::new("duration_s", LENGTH, "Length of the sweep.").required(),
-            Key::new(
-                "sweep",
-                choice(&["linear", "logarithmic"]),
-                "linear: the frequency rises by the same amount in each second; logarithmic: by the same ratio, both frequencies above 0.",
-            ),
-            Key::new("offset", ANY_OR_ZERO, "Mean value."),
-        ],
+        keys: keys! {
+            amplitude!: ANY, "Amplitude.";
+            start_hz!: FREQUENCY, "Frequency at the start.";
+            end_hz!: FREQUENCY, "Frequency at the end.";
+            duration_s!: LENGTH, "Length of the sweep.";
+            sweep: choice(&["linear", "logarithmic"]),
+                "linear: the frequency rises by the same amount in each second; logarithmic: by the same ratio, both frequencies above 0.";
+            offset: ANY_OR_ZERO, "Mean value.";
+        },
     },
     WaveformKind {
         name: "square",

@@ -46,7 +46,7 @@ impl Built {
         let whole = builder.draft(nodes.len() - 1)?;
         draft::want(&mut self.drafts, begin);
         self.wholes.push(whole);
-        let margins: u64 = self.drafts[begin..].iter().map(Draft::kept).sum();
+        let margins: u64 = self.drafts[begin..].iter().map(Draft::margins).sum();
         if margins <= MOST_KEPT {
             return Ok(());
         }
@@ -89,7 +89,7 @@ type Drafted = Result<usize, ExpressionError>;
 
 /// Node whose part is needed.
 #[derive(Clone, Copy, Debug)]
-struct Wanted {
+struct Request {
     node: usize,
     /// `true` for the part of the node, `false` for the part of its negation.
     holds: bool,
@@ -102,7 +102,7 @@ impl Builder<'_> {
     ///
     /// Operands come first, using an explicit stack, because a chain of `and` is as deep as it is long.
     fn draft(&mut self, node: usize) -> Drafted {
-        let whole = Wanted {
+        let whole = Request {
             node,
             holds: true,
             at_start: true,
@@ -110,7 +110,7 @@ impl Builder<'_> {
         let mut waiting = vec![whole];
         while let Some(&next) = waiting.last() {
             let operands = self.operands(next).into_iter().flatten().rev();
-            let missing: Vec<Wanted> =
+            let missing: Vec<Request> =
                 (operands.filter(|one| self.known(*one).is_none())).collect();
             if !missing.is_empty() {
                 waiting.extend(missing);
@@ -125,25 +125,25 @@ impl Builder<'_> {
         Ok(self.drafted(whole))
     }
 
-    fn known(&self, wanted: Wanted) -> Option<usize> {
-        self.known[wanted.node][usize::from(wanted.holds)]
+    fn known(&self, request: Request) -> Option<usize> {
+        self.known[request.node][usize::from(request.holds)]
     }
 
-    fn drafted(&self, wanted: Wanted) -> usize {
-        self.known(wanted).expect("operands are drafted first")
+    fn drafted(&self, request: Request) -> usize {
+        self.known(request).expect("operands are drafted first")
     }
 
     /// Returns the operands of a node, or a single operand twice; `None` for a comparison.
-    fn operands(&self, wanted: Wanted) -> Option<[Wanted; 2]> {
-        let Wanted {
+    fn operands(&self, request: Request) -> Option<[Request; 2]> {
+        let Request {
             holds, at_start, ..
-        } = wanted;
-        let of = |node, holds, at_start| Wanted {
+        } = request;
+        let of = |node, holds, at_start| Request {
             node,
             holds,
             at_start,
         };
-        Some(match self.formula.nodes()[wanted.node] {
+        Some(match self.formula.nodes()[request.node] {
             Node::Comparison(_) => return None,
             Node::Not(operand) => [of(operand, !holds, at_start); 2],
             Node::And(a, b) | Node::Or(a, b) => [a, b].map(|node| of(node, holds, at_start)),
@@ -158,14 +158,14 @@ impl Builder<'_> {
     }
 
     /// Creates the part of a node whose operands are drafted.
-    fn join_operands(&mut self, wanted: Wanted) -> Drafted {
-        let Wanted {
+    fn join_operands(&mut self, request: Request) -> Drafted {
+        let Request {
             node,
             holds,
             at_start,
-        } = wanted;
+        } = request;
         let formula = self.formula;
-        let operands = self.operands(wanted);
+        let operands = self.operands(request);
         let drafted = operands.map(|both| both.map(|one| self.drafted(one)));
         let [one, other] = drafted.unwrap_or_default();
         match &formula.nodes()[node] {
@@ -340,7 +340,7 @@ impl Builder<'_> {
             task,
             delay,
             until,
-            wanted: None,
+            needed_steps: None,
         });
         self.built.drafts.len() - 1
     }

@@ -18,7 +18,7 @@ pub(super) struct Draft {
     /// Last step at which the part can be evaluated.
     pub until: u64,
     /// First and last needed step.
-    pub wanted: Option<(u64, u64)>,
+    pub needed_steps: Option<(u64, u64)>,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -56,11 +56,11 @@ pub(super) fn want(drafts: &mut [Draft], begin: usize) {
     let whole = drafts.len() - 1;
     drafts[whole].want((0, 0));
     for at in (begin..=whole).rev() {
-        let Some(span) = drafts[at].wanted else {
+        let Some(span) = drafts[at].needed_steps else {
             continue;
         };
         let span = match drafts[at].task {
-            Task::Window { begin, end, .. } => taken(span, begin, end),
+            Task::Window { begin, end, .. } => window_of(span, begin, end),
             _ => Some(span),
         };
         for operand in drafts[at].operands().into_iter().flatten() {
@@ -113,7 +113,7 @@ pub(super) fn parts(drafts: &[Draft]) -> (Vec<Part>, Vec<Span>, Vec<usize>) {
 }
 
 /// Returns the operand steps from which a window computes these steps of its own.
-fn taken((first, last): (u64, u64), begin: i64, end: i64) -> Option<(u64, u64)> {
+fn window_of((first, last): (u64, u64), begin: i64, end: i64) -> Option<(u64, u64)> {
     Some((
         first.saturating_add_signed(begin),
         last.checked_add_signed(end)?,
@@ -134,7 +134,7 @@ impl Draft {
     }
 
     fn want(&mut self, (first, last): (u64, u64)) {
-        self.wanted = Some(match self.wanted {
+        self.needed_steps = Some(match self.needed_steps {
             Some((least, most)) => (least.min(first), most.max(last)),
             None => (first, last),
         });
@@ -145,15 +145,15 @@ impl Draft {
         let Task::Window { begin, end, .. } = self.task else {
             return None;
         };
-        let (first, last) = self.wanted?;
+        let (first, last) = self.needed_steps?;
         let oldest = first.saturating_add_signed(begin);
         let slides = last.saturating_add_signed(begin) > oldest;
         slides.then(|| (end - begin).unsigned_abs() + 1)
     }
 
     /// Returns the number of margins that the part keeps.
-    pub(super) fn kept(&self) -> u64 {
-        match (self.task, self.wanted) {
+    pub(super) fn margins(&self) -> u64 {
+        match (self.task, self.needed_steps) {
             (Task::Delay { by, .. }, Some((first, last))) => by.min(last - first + 1),
             (Task::Window { .. }, _) => {
                 // Two per step of each operand: two stacks, or one queue with rows.
@@ -166,12 +166,12 @@ impl Draft {
 
     /// Returns `true` if only one margin of the part is needed.
     fn is_single(&self) -> bool {
-        self.wanted.is_some_and(|(first, last)| first == last)
+        self.needed_steps.is_some_and(|(first, last)| first == last)
     }
 
     /// Returns the first and last row at which the part is active, if any.
     fn rows(&self) -> Option<(u64, u64)> {
-        let (first, last) = self.wanted?;
+        let (first, last) = self.needed_steps?;
         let gives_from = first + self.delay;
         let from = match (self.task, self.taking()) {
             (Task::Delay { by, .. }, _) => gives_from - by,
@@ -196,16 +196,18 @@ impl Draft {
         else {
             return None;
         };
-        let taken = self.wanted.and_then(|wanted| taken(wanted, begin, end));
+        let span = self
+            .needed_steps
+            .and_then(|steps| window_of(steps, begin, end));
         Some(Taking {
-            from: taken.map_or(u64::MAX, |(oldest, _)| oldest + delay),
+            from: span.map_or(u64::MAX, |(oldest, _)| oldest + delay),
             stays: (end - begin).unsigned_abs(),
         })
     }
 
     /// Builds the part; `places` maps earlier drafts to parts.
     fn part(&self, places: &[usize]) -> Part {
-        let (first, last) = self.wanted.unwrap_or_default();
+        let (first, last) = self.needed_steps.unwrap_or_default();
         let slides = self.slides();
         let work = match (self.task, self.taking()) {
             (Task::Comparison(comparison), _) => PartWork::Comparison(comparison),
@@ -218,7 +220,7 @@ impl Draft {
                 operand: places[operand],
                 takes_until: last + self.delay - by,
                 gives_from: first + self.delay,
-                kept: vec![Margin::BOTTOM; self.kept() as usize],
+                margins: vec![Margin::BOTTOM; self.margins() as usize],
                 next_in: 0,
                 next_out: 0,
             }),

@@ -74,7 +74,7 @@ pub(super) struct Delay {
     pub takes_until: u64,
     /// First row at which the delay returns a margin.
     pub gives_from: u64,
-    pub kept: Vec<Margin>,
+    pub margins: Vec<Margin>,
     pub next_in: usize,
     pub next_out: usize,
 }
@@ -174,7 +174,7 @@ impl Part {
     pub(super) fn kept_bytes(&self) -> usize {
         match &self.work {
             PartWork::Comparison(_) | PartWork::Join(_) | PartWork::Growing(_) => 0,
-            PartWork::Delay(delay) => size_of_val(delay.kept.as_slice()),
+            PartWork::Delay(delay) => size_of_val(delay.margins.as_slice()),
             PartWork::Extreme(_, window) => {
                 window.candidates.capacity() * size_of::<(u64, Margin)>()
             }
@@ -262,14 +262,14 @@ impl Delay {
     /// Returns the delayed margin and stores the operand's latest.
     #[inline]
     fn observe(&mut self, row: u64, operands: &[Margin], own: &mut Margin) {
-        let last = self.kept.len() - 1;
+        let last = self.margins.len() - 1;
         let after = |place: usize| if place == last { 0 } else { place + 1 };
         if row >= self.gives_from {
-            *own = self.kept[self.next_out];
+            *own = self.margins[self.next_out];
             self.next_out = after(self.next_out);
         }
         if row <= self.takes_until {
-            self.kept[self.next_in] = operands[self.operand];
+            self.margins[self.next_in] = operands[self.operand];
             self.next_in = after(self.next_in);
         }
     }

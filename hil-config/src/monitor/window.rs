@@ -40,7 +40,7 @@ impl Extreme {
         // Rows are consecutive, so at most one step leaves.
         if candidates
             .front()
-            .is_some_and(|(taken, _)| taken + taking.stays < row)
+            .is_some_and(|(first, _)| first + taking.stays < row)
         {
             candidates.pop_front();
         }

@@ -44,7 +44,7 @@ pub struct StepResponsePlan {
     pub signal: Expression,
     /// Unit.
     pub unit: String,
-    /// Stimulus of kind step.
+    /// Name of the stimulus, which is of kind `step`.
     pub stimulus: String,
     /// Time at which the stimulus steps, in s.
     pub at_s: f64,

@@ -19,11 +19,24 @@ pub struct Stimulus {
     pub aliases: Vec<String>,
     /// Unit.
     pub unit: String,
+    /// Smallest and largest value that the plant declares for the input; any finite one for a reference signal.
+    #[serde(default = "Stimulus::any_range", skip_serializing_if = "is_any")]
+    pub range: [f64; 2],
     /// Course.
     pub waveform: Waveform,
 }
 
+fn is_any(range: &[f64; 2]) -> bool {
+    *range == Stimulus::any_range()
+}
+
 impl Stimulus {
+    /// Returns the range of all finite numbers.
+    #[must_use]
+    pub const fn any_range() -> [f64; 2] {
+        [f64::MIN, f64::MAX]
+    }
+
     /// Returns the key under which a change sets the signal.
     #[must_use]
     pub fn key(&self) -> String {

@@ -1,6 +1,6 @@
 //! DBC files that a port file names, each read once.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::path::Path;
 
@@ -17,13 +17,18 @@ const LARGEST: u64 = 16 << 20;
 /// DBC files by their names; `None` for one that cannot be used, which is reported once.
 pub(super) struct DbcFiles<'a> {
     origin: &'a Path,
+    /// Texts of files that need not exist.
+    texts: &'a BTreeMap<String, String>,
     files: HashMap<String, Option<Dbc>>,
 }
 
 impl<'a> DbcFiles<'a> {
-    pub(super) fn new(origin: &'a Path) -> Self {
-        let files = HashMap::new();
-        Self { origin, files }
+    pub(super) fn new(origin: &'a Path, texts: &'a BTreeMap<String, String>) -> Self {
+        Self {
+            origin,
+            texts,
+            files: HashMap::new(),
+        }
     }
 
     /// Returns the message that describes a frame, if it names one.
@@ -36,7 +41,7 @@ impl<'a> DbcFiles<'a> {
         for (key, other) in [("dbc", "message"), ("message", "dbc")] {
             if has(key) && !has(other) {
                 let path = section.path_of(other);
-                reader.missing(section, &path, format!("text, because of `{key}`"));
+                reader.missing(section, &path, format!("a text, because `{key}` is set"));
                 return Err(());
             }
         }
@@ -68,7 +73,8 @@ impl<'a> DbcFiles<'a> {
     fn read(&self, reader: &mut Reader, section: &Section<'_>, name: &str) -> Option<Dbc> {
         let folder = self.origin.parent().unwrap_or(Path::new(""));
         let path = folder.join(name);
-        let text = match read_text(&path) {
+        let text = self.texts.get(name).cloned();
+        let text = match text.map_or_else(|| read_text(&path), Ok) {
             Ok(text) => text,
             Err(error) => {
                 let message = format!("`{name}` cannot be read: {error}");
@@ -99,12 +105,10 @@ impl<'a> DbcFiles<'a> {
 }
 
 /// Reads a DBC file, which many tools write in Latin-1.
-fn read_text(path: &Path) -> io::Result<String> {
+pub(crate) fn read_text(path: &Path) -> io::Result<String> {
     let info = std::fs::metadata(path)?;
     if !info.is_file() || info.len() > LARGEST {
-        return Err(io::Error::other(
-            "it is not a regular file of at most 16 MiB",
-        ));
+        return Err(io::Error::other("not a regular file of at most 16 MiB"));
     }
     let bytes = std::fs::read(path)?;
     let text = String::from_utf8(bytes);

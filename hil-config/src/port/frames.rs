@@ -1,7 +1,6 @@
 //! Reader of the frames of a port, and the checks of a frame as a whole and of frames among each other.
 
 use std::collections::HashMap;
-use std::path::Path;
 
 use hil_codec::frame::{Body, CanId, Content, Frame, JsonContent, Mistake};
 use shared_types::layout::SignalKind;
@@ -9,10 +8,10 @@ use shared_types::layout::SignalKind;
 use super::dbc::DbcFiles;
 use super::fields::{self, FrameContext, order, without_effect};
 use super::{Carries, Medium, Period, PortFrame, PortTables, is_too_long, safety};
-use crate::check::{TITLE, is_title};
 use crate::keys::{MOST_FIELDS, MOST_FRAMES};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use crate::title::{TITLE, is_title};
 
 /// Lengths of CAN FD above 8 bytes (ISO 11898-1).
 const FD_LENGTHS: [usize; 7] = [12, 16, 20, 24, 32, 48, 64];
@@ -22,7 +21,7 @@ pub(super) fn read(
     reader: &mut Reader,
     root: &Section<'_>,
     media: &Option<Vec<Medium>>,
-    origin: &Path,
+    mut files: DbcFiles<'_>,
     tables: Option<&PortTables<'_>>,
 ) -> Option<Vec<PortFrame>> {
     if is_too_long(reader, root, "frames", MOST_FRAMES) {
@@ -36,7 +35,6 @@ pub(super) fn read(
         }
         return None;
     }
-    let mut files = DbcFiles::new(origin);
     let mut frames = Vec::new();
     let mut is_whole = true;
     for section in &sections {
@@ -104,7 +102,7 @@ fn frame(
             let message = format!("frame `{name}` has an identifier, and its medium is not CAN");
             reader
                 .report_at(section, "id", ProblemKind::Mismatch, message)
-                .help("tell frames on other media apart by constants");
+                .help("distinguish frames on other media by constants");
         }
         _ => {}
     }
@@ -197,7 +195,7 @@ fn period(reader: &mut Reader, section: &Section<'_>) -> Option<Period> {
     }
     let period_s = reader.number(section, "period_s");
     if has_divider {
-        let message = "a frame has a divider or a period";
+        let message = "a frame cannot have both a divider and a period";
         reader
             .report_at(section, "divider", ProblemKind::Mismatch, message)
             .help("omit one of them");
@@ -300,7 +298,7 @@ fn report(
                 field,
                 "signal",
                 message,
-                "each content once in a frame".into(),
+                "each content at most once in a frame".into(),
                 "",
             )
         }
@@ -319,7 +317,10 @@ fn report(
         }
         Mistake::Width { field } => {
             let width = bits.get(field).map_or(64, hil_codec::bits::BitField::width);
-            let message = format!("the content of field `{}` does not fit", field_name(field));
+            let message = format!(
+                "the content of field `{}` does not fit its width",
+                field_name(field)
+            );
             let key = ["value", "counter_bits", "text"]
                 .into_iter()
                 .find(|key| fields[field].table.get(key).is_some());
@@ -330,13 +331,13 @@ fn report(
             (field, key.unwrap_or("type"), message, expected, "")
         }
         Mistake::Checksum { field } => {
-            let message = format!("checksum `{}` does not fit", field_name(field));
+            let message = format!("checksum `{}` does not fit its field", field_name(field));
             let expected = "whole bytes as wide as the algorithm's sum, over bytes of the frame that hold no later checksum";
             (field, "algorithm", message, expected.into(), "")
         }
         Mistake::Path { field } => {
             let message = format!(
-                "the path `{}` cannot stand beside the others",
+                "the path `{}` contradicts another path of the frame",
                 field_name(field)
             );
             let expected = "a path of its own, and lists without gaps";

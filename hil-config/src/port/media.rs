@@ -3,10 +3,10 @@
 use std::net::SocketAddr;
 
 use super::{Medium, MediumKind, Parity};
-use crate::check::{TITLE, is_title};
 use crate::keys::MEDIA;
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
+use crate::title::{TITLE, is_title};
 
 /// Reads all media; `None` if one of them is faulty.
 pub(super) fn read(reader: &mut Reader, root: &Section<'_>) -> Option<Vec<Medium>> {
@@ -137,6 +137,20 @@ impl MediumKind {
     #[must_use]
     pub const fn is_can(&self) -> bool {
         matches!(self, Self::Can { .. } | Self::Cannelloni { .. })
+    }
+
+    /// Returns `true` if bytes arrive without the ends of frames.
+    #[must_use]
+    pub const fn is_stream(&self) -> bool {
+        matches!(
+            self,
+            Self::Tcp { .. }
+                | Self::Serial { .. }
+                | Self::Unix {
+                    is_stream: true,
+                    ..
+                }
+        )
     }
 
     /// Returns `true` if frames may have the lengths of CAN FD.

@@ -6,7 +6,6 @@ use hil_codec::number::Number;
 use shared_types::number::exact;
 
 use super::{Carries, Port};
-use crate::keys::{SAFE_PERIOD_S, SAFE_REPEATS};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
 
@@ -32,8 +31,8 @@ pub struct Safe {
 
 /// Reads the settings at the root of a port file.
 pub(super) fn read(reader: &mut Reader, root: &Section<'_>) -> Option<Safety> {
-    let repeats = reader.integer(root, SAFE_REPEATS);
-    let period_s = reader.number(root, SAFE_PERIOD_S);
+    let repeats = reader.integer(root, "safe_repeats");
+    let period_s = reader.number(root, "safe_period_s");
     let watchdog = match root.table.get("watchdog") {
         Some(_) => reader.text(root, "watchdog").map(|path| Some(path.into())),
         None => Some(None),

@@ -125,7 +125,12 @@ fn target(plants: &[PlantDescription], acts_on: ActsOn) -> Value {
             .collect::<Vec<String>>()
     };
     let mut names: Vec<String> = match acts_on {
-        ActsOn::Links => vec!["link.sample".into(), "link.command".into()],
+        ActsOn::Links => {
+            let links = ["link.sample", "link.command"].into_iter();
+            let all =
+                links.flat_map(|link| [link.to_owned(), format!("{link}.a"), format!("{link}.b")]);
+            all.collect()
+        }
         ActsOn::Sides => vec!["controller".into(), "plant".into()],
         ActsOn::Controller => vec!["controller".into()],
         ActsOn::Signals | ActsOn::Numbers => {

@@ -41,7 +41,7 @@ pub struct Pulse {
     pub at_s: f64,
     /// Length in s.
     pub width_s: f64,
-    /// Time from one pulse to the next in s, above the width.
+    /// Time from one pulse to the next in s; longer than the width.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub period_s: Option<f64>,
     /// Value outside a pulse.

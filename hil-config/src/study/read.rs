@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 use shared_types::layout::is_name;
 
 use super::{Correlation, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
-use crate::check::{self, TITLE, is_title};
 use crate::expression::{Columns, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
 use crate::problem::{ProblemKind, Problems};
 use crate::reader::{Reader, Section};
-use crate::scenario::{Scenario, read_regular, unreadable};
+use crate::scenario::{Scenario, read_regular, root, unreadable};
 use crate::source::Place;
+use crate::title::{TITLE, is_title};
 use spread::{spread, whole};
 
 /// Columns of the table of results next to the varied values.
@@ -31,7 +31,7 @@ pub(super) fn file(path: &Path) -> Result<Study, Problems> {
 pub(super) fn text(text: &str, origin: PathBuf) -> Result<Study, Problems> {
     let scenario = Scenario::parse(text, origin)?;
     let mut reader = Reader::new(scenario.sources.clone(), Vec::new());
-    let root = check::root(&scenario).with_keys(STUDY);
+    let root = root(&scenario).with_keys(STUDY);
     let is_other_schema =
         root.table.get("schema").is_some() && reader.integer(&root, "schema").is_none();
     let study = if is_other_schema {

@@ -111,13 +111,13 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         (format!("cases = 1\n{}", uniform.replace("a.b", "a.class")), "a column of every table of results"),
         (format!("sampling = \"grid\"\n{uniform}"), "`b` is uniform, but a grid needs points"),
         ("sampling = \"grid\"\ncases = 3\n".into(), "a grid has as many cases as points"),
-        ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, \"x\"]\n".into(), "a value of the type of the first"),
+        ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, \"x\"]\n".into(), "a value of the same type as the first"),
         ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1]\n".into(), "nothing varies"),
         (
             format!(
                 "cases = 1\n{uniform}[[vary]]\nname = \"c\"\nkind = \"expression\"\nexpression = \"2 * d\"\n"
             ),
-            "numbers that are varied before it: `b`",
+            "numbers that are varied before this one: `b`",
         ),
         (
             format!(

@@ -41,13 +41,13 @@ struct Written {
 #[derive(Debug, thiserror::Error)]
 pub enum Unpackable {
     /// The file cannot be read.
-    #[error("it cannot be read: {0}")]
+    #[error("cannot be read: {0}")]
     Io(#[from] io::Error),
     /// The file is not of this format.
-    #[error("it is not a packed file of points")]
+    #[error("not a packed points file")]
     Form,
     /// The file's content has changed since it was named.
-    #[error("its content has changed: its hash is {0}")]
+    #[error("the content has changed: the hash is now {0}")]
     Changed(String),
 }
 
@@ -192,7 +192,7 @@ impl Points {
         Ok(())
     }
 
-    /// Reads a packed file. A file that is named by a hash must have it.
+    /// Reads a packed file. If the file is named by a hash, its content must match that hash.
     ///
     /// # Errors
     /// If it cannot be read, or is not such a file.

@@ -168,7 +168,7 @@ fn combinations_without_a_meaning_are_refused() {
     let uneven = points(&[0.0, 1.0], &[&[1.0, 2.0]]);
     assert!(refused(uneven, Interpolation::Cubic, true).contains("last row is the first row"));
     let short = points(&[0.0], &[&[1.0]]);
-    assert!(refused(short, Interpolation::Linear, true).contains("no length"));
+    assert!(refused(short, Interpolation::Linear, true).contains("cannot repeat"));
     let both = points(&[0.0, 1.0], &[&[1.0, 2.0], &[1.0, 1.0]]);
     assert!(refused(both, Interpolation::Cubic, false).contains("computes its derivatives"));
 }
@@ -215,7 +215,7 @@ fn a_packed_file_gives_the_same_points_and_is_checked_by_its_name() {
     std::fs::write(&path, &bytes).expect("a file");
     let error = Points::read(&path).expect_err("changed");
     assert!(
-        error.to_string().contains("its content has changed"),
+        error.to_string().contains("the content has changed"),
         "{error}"
     );
     for damaged in [&bytes[..100], b"time_s,value\n0,1\n0,1\n0,1\n", &[]] {

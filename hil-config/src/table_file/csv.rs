@@ -1,12 +1,14 @@
 //! CSV: one header line, then rows of numbers. Read line by line, so that memory does not grow with other columns.
 //!
 //! Accepted are byte-order marks (UTF-8 and UTF-16), quotes, a comma, semicolon or tab as separator, Excel's `sep=`
-//! line, lines that end with a carriage return, blank lines and lines that begin with `#`.
+//! line, lines that end with a carriage return, blank lines and lines that begin with `#`. A column whose first cell is a
+//! date has dates in every row, read as the seconds since the first row.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read};
 use std::path::Path;
 
+use super::date::{self, Date};
 use super::{ColumnName, Objection, Refusal, TableSource, TakeRow};
 
 /// Longest line, in bytes.
@@ -23,6 +25,8 @@ pub(crate) struct Csv {
     lines: Lines,
     separator: u8,
     columns: Vec<ColumnName>,
+    /// Date in the first row of each column, if it is one.
+    first_dates: Vec<Option<Date>>,
 }
 
 /// Lines of a file.
@@ -31,6 +35,8 @@ struct Lines {
     line: Vec<u8>,
     /// Number of the line, from 1.
     number: usize,
+    /// `true` if the line is still to be read as a row.
+    is_pending: bool,
 }
 
 /// Opens a file and reads its header.
@@ -42,9 +48,7 @@ pub(crate) fn open(path: &Path) -> io::Result<Result<Csv, Refusal>> {
     // Reading a folder fails with an error of its own.
     let ends = info.is_dir() || (info.is_file() && info.len() <= LARGEST);
     if !ends {
-        return Err(io::Error::other(
-            "it is not a regular file of at most 4 GiB",
-        ));
+        return Err(io::Error::other("not a regular file of at most 4 GiB"));
     }
     let mut input = BufReader::with_capacity(1 << 16, File::open(path)?.take(LARGEST));
     let start = input.fill_buf()?;
@@ -61,6 +65,7 @@ pub(crate) fn open(path: &Path) -> io::Result<Result<Csv, Refusal>> {
         input,
         line: Vec::new(),
         number: 0,
+        is_pending: false,
     };
     header(lines)
 }
@@ -70,7 +75,7 @@ fn utf16(input: impl Read, word: fn([u8; 2]) -> u16) -> io::Result<Cursor<Vec<u8
     input.take(LARGEST_UTF16 + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > LARGEST_UTF16 {
         return Err(io::Error::other(
-            "it is UTF-16 text of more than 256 MiB; save it as UTF-8",
+            "UTF-16 text of more than 256 MiB; save the file as UTF-8",
         ));
     }
     let words = bytes
@@ -81,7 +86,7 @@ fn utf16(input: impl Read, word: fn([u8; 2]) -> u16) -> io::Result<Cursor<Vec<u8
         .map(|pair| word(*pair));
     let text = char::decode_utf16(words).collect::<Result<String, _>>();
     text.map(|text| Cursor::new(text.into_bytes()))
-        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-16 text"))
+        .map_err(|_| io::Error::new(ErrorKind::InvalidData, "not UTF-16 text"))
 }
 
 impl Lines {
@@ -103,6 +108,9 @@ impl Lines {
 
     /// Reads the next line with content; returns `false` at the end.
     fn advance_to_content(&mut self) -> io::Result<bool> {
+        if std::mem::take(&mut self.is_pending) {
+            return Ok(true);
+        }
         while self.advance()? {
             let content = self.line.trim_ascii();
             if !content.is_empty() && content[0] != b'#' {
@@ -157,11 +165,32 @@ fn header(mut lines: Lines) -> io::Result<Result<Csv, Refusal>> {
             "a time and at least one more column, with a comma, a semicolon or a tab between";
         return Ok(Err(lines.refuse(Objection::new(message, expected))));
     }
+    let mut columns: Vec<ColumnName> = cells.iter().map(|cell| ColumnName::of(cell)).collect();
+    let first_dates = first_dates(&mut lines, separator, columns.len())?;
+    for (column, date) in columns.iter_mut().zip(&first_dates) {
+        column.is_date = date.is_some();
+        if column.is_date {
+            column.unit = Some("s".into());
+        }
+    }
     Ok(Ok(Csv {
-        columns: cells.iter().map(|cell| ColumnName::of(cell)).collect(),
         lines,
         separator,
+        columns,
+        first_dates,
     }))
+}
+
+/// Returns the dates of the first row, which stays to be read.
+fn first_dates(lines: &mut Lines, separator: u8, columns: usize) -> io::Result<Vec<Option<Date>>> {
+    let header = lines.number;
+    lines.is_pending = lines.advance_to_content()?;
+    if !lines.is_pending {
+        lines.number = header;
+    }
+    let mut dates: Vec<_> = cells(&lines.line, separator).map(Date::parse).collect();
+    dates.resize(columns, None);
+    Ok(dates)
 }
 
 /// Returns the separator of a header: the first of these that stands outside of quotes.
@@ -225,21 +254,27 @@ impl TableSource for Csv {
                     return Err(self.lines.refuse(Objection::new(message, HEADER)));
                 }
                 Err(error) => {
-                    return Err(Refusal::new(format!("it cannot be read: {error}"), HEADER));
+                    return Err(Refusal::new(
+                        format!("the file cannot be read: {error}"),
+                        HEADER,
+                    ));
                 }
             }
             let mut count = 0;
             let mut wrong = None;
             for cell in cells(&self.lines.line, self.separator) {
                 for &place in places.get(count).into_iter().flatten() {
-                    match finite(cell) {
-                        Some(value) => numbers[place] = value,
-                        None => wrong = wrong.or(Some((count, cell))),
+                    let value = match self.first_dates[count] {
+                        Some(first) => first.seconds_to(cell, &self.columns[count].name),
+                        None => finite(cell).ok_or_else(|| self.wrong_cell(count, cell, is_first)),
+                    };
+                    match value {
+                        Ok(value) => numbers[place] = value,
+                        Err(objection) => wrong = wrong.or(Some(objection)),
                     }
                 }
                 count += 1;
             }
-            let wrong = wrong.map(|(column, cell)| self.wrong_cell(column, cell, is_first));
             if let Some(objection) = self.wrong_count(count).or(wrong) {
                 return Err(self.lines.refuse(objection));
             }
@@ -281,6 +316,22 @@ impl Csv {
             return Objection::new(
                 format!("not a point: `{text}` in `{name}` has a decimal comma"),
                 "a decimal point in every number",
+            );
+        }
+        if Date::parse(cell).is_some() {
+            return Objection::new(
+                format!(
+                    "not a point: `{text}` in `{name}` is a date, and the first row has a number"
+                ),
+                "a date in every row or a number in every row",
+            );
+        }
+        if date::resembles_date(&text) {
+            return Objection::new(
+                format!(
+                    "not a point: `{text}` in `{name}` is neither a number nor a date with a time of day"
+                ),
+                format!("numbers, or {}", date::FORMS),
             );
         }
         if is_first && text.parse::<f64>().is_err() {

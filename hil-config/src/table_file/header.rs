@@ -11,6 +11,8 @@ pub struct ColumnName {
     pub label: String,
     /// Unit in the name, or stored beside it.
     pub unit: Option<String>,
+    /// `true` if the column has dates, read as the seconds since the first row.
+    pub is_date: bool,
 }
 
 /// Labels of time columns, in small letters.
@@ -33,6 +35,7 @@ impl ColumnName {
                     name: name.into(),
                     label: label.trim().into(),
                     unit: Some(spelt(unit.trim())),
+                    is_date: false,
                 };
             }
         }
@@ -47,11 +50,13 @@ impl ColumnName {
                 name: name.into(),
                 label: label.into(),
                 unit: Some(unit.into()),
+                is_date: false,
             },
             None => Self {
                 name: name.into(),
                 label: name.into(),
                 unit: None,
+                is_date: false,
             },
         }
     }

@@ -101,7 +101,11 @@ fn choose(names: &[ColumnName], choice: &Choice<'_>) -> Result<(usize, Vec<usize
         Some(name) => find(names, name, "time_column")?,
         None => {
             let times = (names.iter().enumerate()).filter(|(_, column)| column.is_time());
-            let times: Vec<usize> = times.map(|(at, _)| at).collect();
+            let mut times: Vec<usize> = times.map(|(at, _)| at).collect();
+            if times.is_empty() {
+                let dates = (names.iter().enumerate()).filter(|(_, column)| column.is_date);
+                times = dates.map(|(at, _)| at).collect();
+            }
             match times.as_slice() {
                 [one] => *one,
                 [] => {
@@ -109,7 +113,7 @@ fn choose(names: &[ColumnName], choice: &Choice<'_>) -> Result<(usize, Vec<usize
                     let refusal = Refusal::new(
                         message,
                         format!(
-                            "a column `time`, `time_s`, `time [ms]`, `t` or `timestamp`, or time_column = one of {}",
+                            "a column `time`, `time_s`, `time [ms]`, `t` or `timestamp`, a column of dates, or time_column = one of {}",
                             shown(names)
                         ),
                     );

@@ -109,11 +109,11 @@ const CASES: &[Case] = &[
     ("kind = \"sine\"\namplitude = 0.1\nfrequency_hz = 1.0", "kind = \"ramp\"\nend = 1\nduration_s = ^0", OutOfRange, &["`stimuli[0].duration_s` is 0", "from 1e-9"]),
     // [[faults]]
     ("kind = \"leakage\"", "kind = ^\"leak\"", UnknownName, &["plant `drhas` has no fault `leak`", "nearest: `leakage`"]),
-    ("at_s = 1.0", "at_s = ^2.0", OutOfRange, &["at 2 s the run is over", "from 0 to 1.999 in s"]),
+    ("at_s = 1.0", "at_s = ^2.0", OutOfRange, &["the run is already over at 2 s", "from 0 to 1.999 in s"]),
     ("at_s = 1.0", "at_s = ^-1.0", OutOfRange, &["`faults[0].at_s` is -1"]),
     ("at_s = 1.0", "at_s = ^nan", OutOfRange, &["`faults[0].at_s` is not a number"]),
     ("at_s = 1.0", "at_s = 1.0\n^until_s = 1.5", UnknownKey, &["unknown key `until_s` in `faults[0]`"]),
-    ("skew_s = 0.25", "skew_s = ^1.25", OutOfRange, &["`faults[0].effects[1].skew_s`: at 2.25 s the run is over"]),
+    ("skew_s = 0.25", "skew_s = ^1.25", OutOfRange, &["`faults[0].effects[1].skew_s`: the run is already over at 2.25 s"]),
     ("skew_s = 0.25", "skew_s = ^-0.25", OutOfRange, &["`faults[0].effects[1].skew_s` is -0.25"]),
     ("actuator = 1\n", "actuator = ^3\n", UnknownName, &["plant `drhas` has no actuator 3", "one of `1`, `2`"]),
     ("actuator = 1\n", "actuator = ^\"left\"\n", WrongType, &["`faults[0].effects[0].actuator` is text", "one of `1`, `2`"]),

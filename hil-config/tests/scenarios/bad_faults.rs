@@ -38,9 +38,9 @@ const EVENTS: &[Case] = &[
     // Triggers
     ("kind = \"bias\"\nat_s = 0.5\n at_step = ^7", Mismatch, &["has both `at_s` and `at_step`", "exactly one of `at_s`, `at_step`, `when`, `after`"]),
     ("kind = \"bias\"\nat_s = 0.5\nwhen = ^\"1\"", Mismatch, &["has both `at_s` and `when`"]),
-    ("kind = \"bias\"\nat_s = ^2", OutOfRange, &["`faults[0].at_s`: at 2 s the run is over", "a time from 0 to 1.999 in s, step 1999"]),
-    ("kind = \"bias\"\nat_s = ^1e15", OutOfRange, &["at 1e15 s the run is over"]),
-    ("kind = \"bias\"\nat_step = ^2000", OutOfRange, &["at step 2000 the run is over", "a step from 0 to 1999, which is at 1.999 s"]),
+    ("kind = \"bias\"\nat_s = ^2", OutOfRange, &["`faults[0].at_s`: the run is already over at 2 s", "a time from 0 to 1.999 in s, step 1999"]),
+    ("kind = \"bias\"\nat_s = ^1e15", OutOfRange, &["the run is already over at 1e15 s"]),
+    ("kind = \"bias\"\nat_step = ^2000", OutOfRange, &["the run is already over at step 2000", "a step from 0 to 1999, which is at 1.999 s"]),
     ("kind = \"bias\"\nat_step = ^1.5", WrongType, &["`faults[0].at_step` is a number", "a whole number from 0"]),
     ("kind = \"bias\"\nat_step = ^-1", OutOfRange, &["`faults[0].at_step` is -1"]),
     ("kind = \"bias\"\nat_s = 0.5\nfor_s = ^0.1", Mismatch, &["`faults[0].for_s` belongs to `when`, which is missing"]),
@@ -64,8 +64,8 @@ const EVENTS: &[Case] = &[
     ("kind = \"bias\"\nat_s = 0.5\nduration_s = ^0", OutOfRange, &["`faults[0].duration_s` is 0", "in s"]),
     ("kind = \"bias\"\nat_s = 0.5\nduration_steps = ^0", OutOfRange, &["`faults[0].duration_steps` is 0", "a whole number from 1"]),
     ("kind = \"bias\"\nat_s = 0.5\nduration_s = 1\nduration_steps = ^1", Duplicate, &["`faults[0].duration_steps` repeats `duration_s`"]),
-    ("kind = \"bias\"\nat_s = 0.5\nend_s = ^2.1", OutOfRange, &["at 2.1 s the run is over", "from 0 to 2 in s, step 2000"]),
-    ("kind = \"bias\"\nat_s = 0.5\nend_step = ^2001", OutOfRange, &["at step 2001 the run is over"]),
+    ("kind = \"bias\"\nat_s = 0.5\nend_s = ^2.1", OutOfRange, &["the run is already over at 2.1 s", "from 0 to 2 in s, step 2000"]),
+    ("kind = \"bias\"\nat_s = 0.5\nend_step = ^2001", OutOfRange, &["the run is already over at step 2001"]),
     ("kind = \"bias\"\nat_s = 0.5\nend_s = ^0.5", Mismatch, &["the fault would end at 0.5 s, but it takes effect at 0.5 s"]),
     ("kind = \"bias\"\nwhen = \"large\"\nfor_s = 1.5\nend_s = ^1", Mismatch, &["the fault would end at 1 s, but it takes effect at 1.5 s"]),
     ("kind = \"bias\"\nat_s = 0.5\noccurrences = ^0", OutOfRange, &["`faults[0].occurrences` is 0"]),
@@ -132,8 +132,8 @@ const EFFECTS: &[EffectCase] = &[
     ("dropout", "target = \"reference.load_n\"\nskew_s = 1\nprofile = { kind = \"table\", time_s = ^[0.6, 2], values = [1, 0] }", OutOfRange, &["lasts for at most 0.5 s"]),
     ("dropout", "target = \"reference.load_n\"\nprofile = { kind = \"table\", time_s = ^[-2, -1], values = [1, 0] }", OutOfRange, &["the table goes from -2 to -1 s"]),
     // Skew
-    ("dropout", "target = \"reference.load_n\"\nskew_s = ^1.5", OutOfRange, &["`faults[0].effects[0].skew_s`: at 2 s the run is over", "a skew to at most 1.999 s, step 1999"]),
-    ("dropout", "target = \"reference.load_n\"\nskew_steps = ^1500", OutOfRange, &["`faults[0].effects[0].skew_steps`: at 2 s the run is over"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_s = ^1.5", OutOfRange, &["`faults[0].effects[0].skew_s`: the run is already over at 2 s", "a skew to at most 1.999 s, step 1999"]),
+    ("dropout", "target = \"reference.load_n\"\nskew_steps = ^1500", OutOfRange, &["`faults[0].effects[0].skew_steps`: the run is already over at 2 s"]),
     ("dropout", "target = \"reference.load_n\"\nskew_s = 0\nskew_steps = ^0", Duplicate, &["`faults[0].effects[0].skew_steps` repeats `skew_s`"]),
 ];
 
@@ -235,7 +235,7 @@ fn an_event_after_another_must_fit_into_the_run() {
         &text,
         OutOfRange,
         &[
-            "`faults[2].delay_steps`: at 2 s, the earliest possible time, the run is over",
+            "`faults[2].delay_steps`: the run is already over at 2 s, the earliest possible time",
             "by 1.999 s, step 1999",
         ],
     );

@@ -228,7 +228,7 @@ fn too_deep_and_too_wide_expressions_are_refused() {
     ] {
         let error = Expression::parse(&text).expect_err("too deep").to_string();
         assert!(
-            error.contains("nesting deeper") || error.contains("wait for"),
+            error.contains("nesting deeper") || error.contains("intermediate values"),
             "{error}"
         );
     }

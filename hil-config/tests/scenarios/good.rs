@@ -29,6 +29,7 @@ fn the_base_has_the_documented_meaning() {
         stimuli,
         sensors,
         actuators,
+        bus,
         faults,
         changes,
         derived,
@@ -40,7 +41,7 @@ fn the_base_has_the_documented_meaning() {
         programs,
     } = plan(BASE);
     assert!(analyses.is_empty() && changes.is_empty());
-    assert!(sensors.is_empty() && actuators.is_empty());
+    assert!(sensors.is_empty() && actuators.is_empty() && bus.is_none());
     assert_eq!(programs, Programs::default());
     let expected = Requirement {
         name: "stays-small".into(),

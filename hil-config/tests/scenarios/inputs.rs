@@ -262,6 +262,81 @@ fn faults_changes_and_expressions_know_a_driven_input() {
 }
 
 #[test]
+fn a_constant_input_is_refused_with_the_stimulus_that_would_do() {
+    let lines = "in place of `ambient_k` under [plant.inputs] write\n[[stimuli]]\ntarget = \"plant.ambient_k\"\nkind = \"step\"\nafter = 280";
+    for target in [
+        "input.ambient_k",
+        "plant.ambient_k",
+        "plant.inputs.ambient_k",
+        "command.ambient_k",
+    ] {
+        let fault = format!(
+            "[[faults]]\nkind = \"bias\"\nat_s = 1\n[[faults.effects]]\ntarget = \"{target}\"\nbias = 1.0\n"
+        );
+        let change = format!("[[changes]]\nat_s = 0.5\n[changes.set]\n{target} = 300.0\n");
+        for more in [fault, change] {
+            let reported = problems(&format!("{BASE}{more}"));
+            let help = reported[0].help.as_deref().unwrap_or_default();
+            assert!(help.contains(lines), "{target}: {}", reported[0]);
+        }
+    }
+    // The text of the message does what it says.
+    let pasted = with("[plant.inputs]\nambient_k = 280.0\n", "")
+        + "[[stimuli]]\ntarget = \"plant.ambient_k\"\nkind = \"step\"\nafter = 280\n\
+         [[changes]]\nat_s = 0.5\n[changes.set]\ninput.ambient_k = 300.0\n";
+    assert_eq!(plan(&pasted).changes[0].set[0].value, 300.0);
+}
+
+#[test]
+fn an_input_with_a_course_is_named_where_its_target_is_used_as_its_name() {
+    for name in [
+        "plant.wind_mps",
+        "command.wind_mps",
+        "plant.inputs.wind_mps",
+    ] {
+        let text = format!("{BASE}[[changes]]\nat_s = 0.5\n[changes.set]\n{name} = 3.0\n");
+        let reported = problems(&text);
+        let text = reported[0].to_string();
+        assert!(
+            text.contains("during a run this input of the plant is `input.wind_mps`"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn a_change_of_an_input_stays_in_the_range_of_the_plant() {
+    let driven = with("[plant.inputs]\nambient_k = 280.0\n", "")
+        + "[[stimuli]]\ntarget = \"plant.ambient_k\"\nkind = \"step\"\nafter = 280\n";
+    let with_change = |value: &str| {
+        format!("{driven}[[changes]]\nat_s = 0.5\n[changes.set]\ninput.ambient_k = {value}\n")
+    };
+    for value in ["200.0", "400.0"] {
+        plan(&with_change(value));
+    }
+    for value in ["199.9", "400.1", "inf"] {
+        let reported = problems(&with_change(value));
+        let text = reported[0].to_string();
+        assert!(text.contains("200 to 400"), "{text}");
+    }
+    let plan = plan(&driven);
+    let plant = plan.plant_among(&plants()).expect("it is there");
+    let context = RequestContext::of(&plan, &plant, &descriptions::kinds());
+    let request = ChangeRequest {
+        at_s: None,
+        ramp_s: Some(1.0),
+        set: vec![NewValue {
+            key: "input.ambient_k".into(),
+            value: 500.0,
+        }],
+        clear: Vec::new(),
+    };
+    let refused = context.check_change(&request, ("pid", &[]), 1);
+    let text = refused.expect_err("out of range").to_string();
+    assert!(text.contains("out of range"), "{text}");
+}
+
+#[test]
 fn a_shown_plan_has_its_inputs() {
     let text = BASE.to_owned()
         + "[[stimuli]]\ntarget = \"other_m\"\nkind = \"square\"\namplitude = 1.0\nfrequency_hz = 2.0\nduty = 0.25\n";

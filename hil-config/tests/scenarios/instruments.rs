@@ -150,7 +150,7 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("cross = { actuator1_position = 0.1 }", UnknownName, "sensors[0].cross.actuator1_position", &["nearest: `actuator1_position_m`"]),
     ("dead_time_s = 1", UnknownKey, "sensors[0].dead_time_s", &["unknown key `dead_time_s`"]),
     ("", MissingKey, "sensors[0]", &["has no effect", "`noise_density`"]),
-    ("scale = 2\n[[sensors]]\nsignal = \"surface_angle_rad\"\nbias = 1", Duplicate, "sensors[1].signal", &["two entries of `sensors`"]),
+    ("scale = 2\n[[sensors]]\nsignal = \"surface_angle_rad\"\nbias = 1", Duplicate, "sensors[1].signal", &["`sensors` has two entries"]),
     ("scale = 2\n[[sensors]]\nsignal = \"surface_angle\"\nbias = 1", UnknownName, "sensors[1].signal", &["nearest: `surface_angle_rad`"]),
     ("scale = 2\n[[actuators]]\nsignal = \"surface_angle_rad\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["which is not a signal of the plant", "actuator1_valve_current_a"]),
 ];

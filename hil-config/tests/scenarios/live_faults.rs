@@ -50,7 +50,11 @@ fn an_event_without_a_trigger_takes_effect_at_once() {
     let problem = only(refused(
         &text.replace("bias = 0.1", "bias = 0.1, skew_s = 2"),
     ));
-    assert_found(&problem, ProblemKind::OutOfRange, &["the run is over"]);
+    assert_found(
+        &problem,
+        ProblemKind::OutOfRange,
+        &["the run is already over"],
+    );
 }
 
 #[test]
@@ -123,7 +127,7 @@ fn each_faulty_request_is_refused_with_the_expected_value() {
         (one("name = \"leak\""), ProblemKind::Duplicate, &["already named `leak`"]),
         (one("after = 4"), ProblemKind::UnknownName, &["there is no fault event 4", "one of `leak`, or a number from 1 to 3"]),
         (one("after = \"leek\""), ProblemKind::UnknownName, &["nearest: `leak`"]),
-        (one("at_s = 2"), ProblemKind::OutOfRange, &["at 2 s the run is over"]),
+        (one("at_s = 2"), ProblemKind::OutOfRange, &["the run is already over at 2 s"]),
         (
             one("").replace(
                 "0.1 }",

@@ -155,7 +155,7 @@ fn a_port_file_is_recognised_by_its_first_key() {
     }
     let later = BASE.replacen("port = 1\nname = \"rig\"", "name = \"rig\"\nport = 1", 1);
     let problem = &problems(&later)[0];
-    assert_eq!(problem.message, "`name` stands before `port`");
+    assert_eq!(problem.message, "`name` comes before `port`");
 }
 
 /// Changes the base file and returns the only problem.
@@ -239,7 +239,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "counter_bits = 9",
             Mismatch,
             "frames[0].fields[1].counter_bits",
-            "the content of field `counter` does not fit",
+            "the content of field `counter` does not fit its width",
             "a number of at most 8 bits",
         ),
         (
@@ -247,7 +247,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "value = 0x15555",
             Mismatch,
             "frames[0].fields[0].value",
-            "the content of field `sync` does not fit",
+            "the content of field `sync` does not fit its width",
             "a number of at most 16 bits",
         ),
         (
@@ -255,7 +255,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "range = [-90, 900]",
             OutOfRange,
             "frames[0].fields[2].range",
-            "the number of `measured.surface_angle_rad` does not fit: the range exceeds what the bits can express",
+            "the encoding of `measured.surface_angle_rad` is invalid: the range exceeds what the bits can express",
             "a range inside of [-327.68, 327.67] in deg",
         ),
         (
@@ -263,7 +263,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "scale = 0",
             OutOfRange,
             "frames[0].fields[2].scale",
-            "the number of `measured.surface_angle_rad` does not fit: a factor other than 0 and a finite offset are needed",
+            "the encoding of `measured.surface_angle_rad` is invalid: a factor other than 0 and a finite offset are needed",
             "a scale other than 0",
         ),
         (
@@ -271,7 +271,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "invalid = 7",
             OutOfRange,
             "frames[0].fields[3].invalid",
-            "the number of `measured.pressure_pa` does not fit: the raw number that stands for no value lies inside the range",
+            "the encoding of `measured.pressure_pa` is invalid: the raw number that stands for no value lies inside the range",
             "a number outside of `range`, or the least or greatest number of the type",
         ),
         (
@@ -287,7 +287,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "unit = \"N\"",
             Mismatch,
             "frames[0].fields[2].unit",
-            "`measured.surface_angle_rad` is in rad, and the wire in N",
+            "`measured.surface_angle_rad` is in rad, but its field is in N",
             "a unit of the dimension rad",
         ),
         (
@@ -295,7 +295,7 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             "crc-8/smbus",
             Mismatch,
             "frames[0].fields[6].algorithm",
-            "checksum `checksum` does not fit",
+            "checksum `checksum` does not fit its field",
             "whole bytes as wide",
         ),
         (
@@ -320,14 +320,14 @@ fn each_mistake_is_reported_at_its_place_with_the_expected_value() {
             Mismatch,
             "frames[0].fields[5].signal",
             "field `surface_angle_rad` has the same content as field `surface_angle_rad`",
-            "each content once in a frame",
+            "each content at most once in a frame",
         ),
         (
             "path = \"n\"",
             "path = \"out[2]\"",
             Mismatch,
             "frames[1].fields[1].path",
-            "the path `out[2]` cannot stand beside the others",
+            "the path `out[2]` contradicts another path of the frame",
             "a path of its own",
         ),
         (

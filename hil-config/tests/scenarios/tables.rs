@@ -13,7 +13,7 @@ use crate::{base_with, descriptions};
 const STEP: &str = "kind = \"step\"\nat_s = 0.5\nafter = 2.0";
 
 /// Checks the base, whose run lasts 2 s, with a table in place of its second stimulus.
-fn check(content: &[u8], keys: &str) -> Result<Plan, Vec<Problem>> {
+pub(crate) fn check(content: &[u8], keys: &str) -> Result<Plan, Vec<Problem>> {
     check_text(
         content,
         &base_with(STEP, &format!("kind = \"table\"\nfile = \"x.csv\"\n{keys}")),
@@ -34,7 +34,7 @@ fn check_text(content: &[u8], scenario: &str) -> Result<Plan, Vec<Problem>> {
     plan.map_err(|problems| problems.0)
 }
 
-fn table(plan: &Plan) -> &Table {
+pub(crate) fn table(plan: &Plan) -> &Table {
     match &plan.stimuli[1].waveform {
         Waveform::Table(table) => table,
         other => panic!("{other:?}"),
@@ -252,6 +252,11 @@ fn a_mistake_is_named_with_its_line_and_the_possible_content() {
             "overlap the run",
         ),
     ];
+    let outside = check(b"t,x\n7,1\n8,2\n", "start_s = 2").expect_err("outside");
+    assert_eq!(
+        outside[0].help.as_deref(),
+        Some("start_s = 7 begins the run with the first row")
+    );
     for (csv, keys, line, piece, expected) in cases {
         let problems = check(csv.as_bytes(), keys).expect_err(csv);
         assert_eq!(problems.len(), 1, "{csv}: {problems:?}");

@@ -103,7 +103,7 @@ fn faulty_keys_are_refused_with_what_is_possible() {
     for (text, message, advice) in [
         (
             "kind = \"pulse\"\nwidth_s = 0.5\nhigh = 2\nperiod_s = 0.5".to_owned(),
-            "`stimuli[1].period_s` is 0.5, and a pulse lasts 0.5: it would never end",
+            "`stimuli[1].period_s` is 0.5, but a pulse lasts 0.5 and would never end",
             "a number above 0.5 in s",
         ),
         (
@@ -123,18 +123,18 @@ fn faulty_keys_are_refused_with_what_is_possible() {
         ),
         (
             multisine.to_owned() + "amplitude = 1",
-            "a multisine needs its frequencies once",
+            "a multisine needs exactly one definition of its frequencies",
             "either `frequencies_hz`, or `start_hz`, `end_hz` and `tones`",
         ),
         (
             multisine.to_owned() + "frequencies_hz = [1]",
-            "a multisine needs its amplitudes once",
+            "a multisine needs exactly one definition of its amplitudes",
             "either `amplitude` or `amplitudes`",
         ),
         (
             multisine.to_owned()
                 + "frequencies_hz = [1]\namplitude = 1\nphases = \"zero\"\nphases_rad = [0]",
-            "a multisine has its phases once",
+            "a multisine takes at most one definition of its phases",
             "`phases`, `phases_rad` or neither",
         ),
         (

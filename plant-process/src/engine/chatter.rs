@@ -163,7 +163,7 @@ fn ends(
     let watched = supervision.clone();
     let watchdog = std::thread::spawn(move || {
         if is_over.recv_timeout(WATCHDOG) == Err(mpsc::RecvTimeoutError::Timeout) {
-            watched.stop("it does not end");
+            watched.stop("the plant does not end");
         }
     });
     let waiter = Waiter::new(WaitLimit::from_seconds(WAIT_LIMIT_S));

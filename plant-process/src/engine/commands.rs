@@ -1,4 +1,4 @@
-//! Received commands, punctual or late.
+//! Received commands, on time or late.
 //!
 //! Used by the exchange of each step; never accesses the values, which are in the [rows](crate::rows::Rows).
 

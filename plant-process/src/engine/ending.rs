@@ -85,6 +85,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 .unwrap_or_default(),
             missed_commands: self.commands.missed,
             unconfirmed: self.plant.unconfirmed(),
+            bus: self.plant.faults.bus_counts(),
         };
         self.end = Some(end.clone());
         published?;

@@ -90,7 +90,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let Some(saved) = self.saved.take() else {
             return Ok(());
         };
-        self.plant.instruments.restore(&saved.instruments)?;
+        let instruments = self.plant.faults.restore_bus(&saved.instruments)?;
+        self.plant.instruments.restore(instruments)?;
         self.plant.faults.restore(saved.faults)?;
         (self.plant.tuning).restore(saved.tuning, self.first);
         self.rows.restore_record(&saved.record)

@@ -24,7 +24,7 @@ pub(super) struct Handover {
     /// Time since which the controller is awaited.
     since_ns: u64,
     /// Control message held until its sender is authenticated.
-    heard: Option<Control>,
+    pending: Option<Control>,
     agreed: Option<Agreed>,
 }
 
@@ -47,7 +47,7 @@ impl Handover {
         Self {
             expected,
             since_ns,
-            heard: None,
+            pending: None,
             agreed: None,
         }
     }
@@ -112,7 +112,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Receives the next control message of the process that was launched as the controller. Other processes are told
     /// to leave.
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
-        let pending = &mut self.handover.heard;
+        let pending = &mut self.handover.pending;
         if pending.is_none() {
             let bytes = self.link.receive_control()?;
             *pending = match bytes.map(|bytes| Control::from_bytes(&bytes)) {

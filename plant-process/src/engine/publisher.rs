@@ -89,7 +89,7 @@ mod tests {
     /// A recorder with room for everything that takes no items, or one item between two checks.
     struct Lazy {
         sent: u64,
-        taken: u64,
+        consumed: u64,
         drips: bool,
         is_full: bool,
     }
@@ -104,8 +104,8 @@ mod tests {
         }
 
         fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
-            self.taken += u64::from(self.drips && self.taken < self.sent);
-            Ok((self.sent, self.taken))
+            self.consumed += u64::from(self.drips && self.consumed < self.sent);
+            Ok((self.sent, self.consumed))
         }
 
         fn record(&mut self, _: &[u64]) -> Result<(), LinkError> {
@@ -122,7 +122,7 @@ mod tests {
     fn lazy(drips: bool, is_full: bool) -> Lazy {
         Lazy {
             sent: 0,
-            taken: 0,
+            consumed: 0,
             drips,
             is_full,
         }

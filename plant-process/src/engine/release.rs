@@ -134,7 +134,11 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let saved = model.save().and_then(|model| {
             Ok(SavedPlant {
                 model,
-                instruments: instruments.save()?,
+                instruments: {
+                    let mut states = instruments.save()?;
+                    states.extend(faults.save_bus()?);
+                    states
+                },
                 faults: faults.save()?,
                 tuning: tuning.save(),
                 record: self.rows.record.clone(),

@@ -148,6 +148,7 @@ pub(super) fn job(steps: u64) -> Job {
             aliases: Vec::new(),
             target: "position_m".into(),
             unit: "m".into(),
+            range: Stimulus::any_range(),
             waveform,
         }],
         faults: vec![FaultEvent {

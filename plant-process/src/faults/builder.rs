@@ -17,7 +17,7 @@ use shared_types::table::Field;
 use shared_types::time::Rate;
 
 use super::arrivals::Arrivals;
-use super::effect::{Action, Direction, Effect};
+use super::effect::{Action, Direction, Effect, Networks};
 use super::kind::{AnySetup, FaultKindEntry};
 use super::profile;
 
@@ -29,6 +29,8 @@ pub struct FaultBuilder {
     reference: Vec<Field>,
     commands: Vec<Field>,
     inputs: Vec<Field>,
+    /// Number of networks that carry frames of the link.
+    networks: u8,
     kinds: Vec<FaultKindEntry>,
     pub(super) rate: Rate,
     pub(super) seed: u64,
@@ -77,6 +79,7 @@ impl FaultBuilder {
             reference: reference.to_vec(),
             commands: plant.commands.clone(),
             inputs: Vec::new(),
+            networks: 1,
             kinds: kinds.to_vec(),
             rate,
             seed,
@@ -88,6 +91,12 @@ impl FaultBuilder {
     #[must_use]
     pub fn with_inputs(self, inputs: Vec<Field>) -> Self {
         Self { inputs, ..self }
+    }
+
+    /// Sets the number of networks that carry the frames of the link.
+    #[must_use]
+    pub fn with_networks(self, networks: u8) -> Self {
+        Self { networks, ..self }
     }
 
     /// Returns the number of signals in a sample.
@@ -228,7 +237,9 @@ impl FaultBuilder {
         let action = match place {
             Place::Parameter(index) => Action::Parameter(index, fault),
             Place::Signal(direction, index) => Action::Signal(direction, index, fault),
-            Place::Link(direction) => Action::Link(direction, fault, Box::new(Arrivals::new())),
+            Place::Link(direction, networks) => {
+                Action::Link(direction, networks, fault, Box::new(Arrivals::new()))
+            }
             Place::Answer => Action::Skip(fault, 0),
             Place::Side(side) => Action::Busy(side, fault, 0),
         };
@@ -269,9 +280,9 @@ impl FaultBuilder {
                 let index = self.parameter(name)?;
                 Some((Place::Parameter(index), self.parameters[index].unit.clone()))
             }
-            (ActsOn::Links, "link") => match name {
-                "sample" => steps(Place::Link(Direction::Sample)),
-                "command" => steps(Place::Link(Direction::Command)),
+            (ActsOn::Links, "link") => match Networks::split(name, self.networks) {
+                ("sample", networks) => steps(Place::Link(Direction::Sample, networks)),
+                ("command", networks) => steps(Place::Link(Direction::Command, networks)),
                 _ => None,
             },
             (ActsOn::Controller, "controller") if name.is_empty() => steps(Place::Answer),
@@ -289,7 +300,7 @@ enum Place {
     /// A signal.
     Signal(Direction, usize),
     /// The link.
-    Link(Direction),
+    Link(Direction, Networks),
     /// Step at which the controller's answer takes effect.
     Answer,
     /// Computing time of a side.

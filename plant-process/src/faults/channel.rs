@@ -14,7 +14,7 @@ use shared_types::time::Step;
 use super::arrivals::{Arrivals, DEPTH, age_steps};
 use super::kind::Passage;
 
-/// Any identity, because both ends of the medium are here.
+/// Arbitrary identity: both ends of the medium are in this process.
 const IDENTITY: FrameIdentity = FrameIdentity {
     session: 1,
     layout: 1,

@@ -29,6 +29,26 @@ pub(super) enum Direction {
     Input,
 }
 
+/// Networks on which an effect acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Networks {
+    /// Every network, each frame alike on all of them.
+    All,
+    /// The one with this index.
+    One(usize),
+}
+
+impl Networks {
+    /// Splits the name of a direction, as `sample.a`, into direction and network; only with two networks.
+    pub(super) fn split(name: &str, networks: u8) -> (&str, Self) {
+        match name.split_once('.') {
+            Some((direction, "a")) if networks == 2 => (direction, Self::One(0)),
+            Some((direction, "b")) if networks == 2 => (direction, Self::One(1)),
+            _ => (name, Self::All),
+        }
+    }
+}
+
 /// Action of an effect.
 pub(super) enum Action {
     /// Moves parameters by their index.
@@ -39,7 +59,7 @@ pub(super) enum Action {
     /// plant.
     Signal(Direction, usize, Box<dyn Fault>),
     /// Changes the arrivals; includes the arrivals as if no other fault followed this one.
-    Link(Direction, Box<dyn Fault>, Box<Arrivals>),
+    Link(Direction, Networks, Box<dyn Fault>, Box<Arrivals>),
     /// Changes when the command takes effect; includes the delay in steps at this step.
     Skip(Box<dyn Fault>, u32),
     /// Costs time and changes nothing else; includes the cost at this step, in ns.
@@ -71,7 +91,7 @@ pub(super) struct Effect {
     most_occurrences: Option<u64>,
     profile: Profile,
     /// Report made when the effect begins.
-    taken: Option<FaultBegun>,
+    beginning: Option<FaultBegun>,
     size: FaultEffectSize,
     /// `true` if the effect acted at the last step; `runs` counts the sequences of such steps.
     acting: bool,
@@ -97,7 +117,7 @@ impl Action {
             Self::Move(_) | Self::Over => None,
             Self::Parameter(_, fault)
             | Self::Signal(_, _, fault)
-            | Self::Link(_, fault, _)
+            | Self::Link(_, _, fault, _)
             | Self::Skip(fault, _)
             | Self::Busy(_, fault, _) => Some(fault.as_mut()),
         }
@@ -132,7 +152,7 @@ impl Effect {
                 max_effect: 0.0,
                 unit,
             },
-            taken: Some(beginning),
+            beginning: Some(beginning),
             acting: false,
             runs: 0,
         }
@@ -149,7 +169,7 @@ impl Effect {
             runs: self.runs,
             fault: fault.map(|fault| fault.save()).transpose()?,
             arrivals: match &self.action {
-                Action::Link(_, _, arrivals) if acts => Some(Arrivals::clone(arrivals)),
+                Action::Link(_, _, _, arrivals) if acts => Some(Arrivals::clone(arrivals)),
                 _ => None,
             },
         })
@@ -177,7 +197,8 @@ impl Effect {
             let named = |Invalid(why)| Invalid(format!("{ours}: {why}"));
             fault.restore(state).map_err(named)?;
         }
-        if let (Action::Link(_, _, arrivals), Some(saved)) = (&mut self.action, &saved.arrivals) {
+        if let (Action::Link(_, _, _, arrivals), Some(saved)) = (&mut self.action, &saved.arrivals)
+        {
             arrivals.restore(saved)?;
         }
         Ok(())
@@ -225,7 +246,7 @@ impl Effect {
 
     /// Takes the report of the beginning, once the effect has begun.
     pub(super) fn take_taken(&mut self) -> Option<FaultBegun> {
-        let mut beginning = self.taken.take()?;
+        let mut beginning = self.beginning.take()?;
         beginning.step = self.size.step?;
         Some(beginning)
     }
@@ -242,7 +263,7 @@ impl Effect {
     pub(super) fn retire(&mut self) {
         self.action = Action::Over;
         self.profile = Profile::Step;
-        self.taken = None;
+        self.beginning = None;
     }
 
     /// Returns the step at which the effect ends by itself, if known.

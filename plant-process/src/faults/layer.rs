@@ -9,6 +9,8 @@
 //! Effects on one target act in the order in which they began: by step, then by number of the event, then by index in
 //! the event. Each effect acts on the result of the previous one, and its size is the change that it made.
 
+mod targets;
+
 use std::collections::VecDeque;
 
 use hil_config::expression::Columns;
@@ -18,15 +20,18 @@ use shared_types::describe::Invalid;
 use shared_types::directive::Directive;
 use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 use shared_types::live::FaultState;
-use shared_types::record::{Event, FaultEffectSize, FaultEnded, RecordLayout};
+use shared_types::record::{BusCounts, Event, FaultEffectSize, FaultEnded, RecordLayout};
+use shared_types::state::State;
 use shared_types::time::{Rate, Step};
 
 use super::builder::{ArmedFault, FaultBuilder};
-use super::effect::{Action, Direction, Effect, SavedEffect};
+use super::bus::{Bus, Line};
+use super::effect::{Effect, SavedEffect};
 use super::parameters::{Parameters, SavedParameters};
 use super::schedule::{Change, SavedEvent, Schedule, waits_for};
 use super::signal_path::{SavedPath, SignalPath};
 use super::timing::Timing;
+use targets::Targets;
 
 /// Maximum number of ended faults released per admitted fault.
 const MOST_RETIRED: usize = 4;
@@ -41,7 +46,7 @@ pub struct FaultLayer {
     /// Effects of all armed events, in the order of arming.
     effects: Vec<Effect>,
     targets: Targets,
-    told: VecDeque<Event>,
+    events: VecDeque<Event>,
     /// Buffer for the path of a random stream.
     path: String,
 }
@@ -65,16 +70,6 @@ impl SavedFaults {
     pub fn parameters(&self) -> &[f64] {
         self.parameters.row()
     }
-}
-
-/// Targets of effects, each with the effects that act on the target.
-struct Targets {
-    parameters: Parameters,
-    sample: SignalPath,
-    command: SignalPath,
-    /// Driven inputs of the plant, which cross no link.
-    input: SignalPath,
-    timing: Timing,
 }
 
 /// Admitted live fault.
@@ -112,9 +107,53 @@ impl FaultLayer {
                 input: SignalPath::new(builder.inputs(), FrameKind::Sample),
                 timing: Timing::default(),
             },
-            told: VecDeque::new(),
+            events: VecDeque::new(),
             path: String::new(),
         })
+    }
+
+    /// Lets the signals of both directions cross the frames of a bus.
+    #[must_use]
+    pub fn with_bus(mut self, bus: Option<Bus>) -> Self {
+        if let Some(Bus { sample, command }) = bus {
+            self.targets.sample.cross(sample);
+            self.targets.command.cross(command);
+        }
+        self
+    }
+
+    /// Returns the state of the bus, one of each direction; none without a bus.
+    ///
+    /// # Errors
+    /// Never, as it consists of numbers only.
+    pub fn save_bus(&self) -> Result<Vec<State>, Invalid> {
+        let lines = [&self.targets.sample, &self.targets.command];
+        let lines = lines.into_iter().filter_map(SignalPath::line);
+        lines.map(|line| State::of(&line.save())).collect()
+    }
+
+    /// Restores the state of the bus from the end of these states, and returns the others.
+    ///
+    /// # Errors
+    /// If it is one of another bus.
+    pub fn restore_bus<'a>(&mut self, states: &'a [State]) -> Result<&'a [State], Invalid> {
+        let lines = [&mut self.targets.sample, &mut self.targets.command];
+        let lines: Vec<_> = lines.into_iter().filter_map(SignalPath::line_mut).collect();
+        let (others, own) = (states.len().checked_sub(lines.len()))
+            .and_then(|others| states.split_at_checked(others))
+            .ok_or_else(|| Invalid("the state has none of the bus".into()))?;
+        for (line, state) in lines.into_iter().zip(own) {
+            line.restore(&state.read::<Vec<u64>>()?)?;
+        }
+        Ok(others)
+    }
+
+    /// Returns the counts of each frame of the bus.
+    #[must_use]
+    pub fn bus_counts(&self) -> Vec<BusCounts> {
+        let lines = [&self.targets.sample, &self.targets.command];
+        let lines = lines.into_iter().filter_map(SignalPath::line);
+        lines.flat_map(Line::counts).collect()
     }
 
     /// Returns the state of all faults. Call it between two steps, when all events have been published.
@@ -270,12 +309,21 @@ impl FaultLayer {
     /// Returns `true` if there is an event for observers.
     #[must_use]
     pub fn has_events(&self) -> bool {
-        !self.told.is_empty()
+        let has_events = |path: &SignalPath| path.line().is_some_and(Line::has_events);
+        !self.events.is_empty()
+            || has_events(&self.targets.sample)
+            || has_events(&self.targets.command)
     }
 
-    /// Takes the next event of a beginning or end, in order.
+    /// Takes the next event: a beginning or end, in order, or a signal of the bus that exceeds its range.
     pub fn next_event(&mut self) -> Option<Event> {
-        self.told.pop_front()
+        let Targets {
+            sample, command, ..
+        } = &mut self.targets;
+        let mark = |path: &mut SignalPath| path.line_mut()?.next_event().map(Event::Mark);
+        (self.events.pop_front())
+            .or_else(|| mark(sample))
+            .or_else(|| mark(command))
     }
 
     /// Admits live faults before a step, all or none.
@@ -309,7 +357,7 @@ impl FaultLayer {
             if let Some(end) = event.end.step.filter(|end| *end <= begin) {
                 let (end_s, begin_s) = (self.rate.seconds(end), self.rate.seconds(begin));
                 return Err(format!(
-                    "it would end at step {end} ({end_s} s) and not begin before step {begin} ({begin_s} s)"
+                    "the fault would end at step {end} ({end_s} s), but cannot begin before step {begin} ({begin_s} s)"
                 ));
             }
         }
@@ -359,7 +407,7 @@ impl FaultLayer {
 
     /// Returns the number of frames corrupted by faults and rejected by their checksum.
     #[must_use]
-    pub const fn rejected(&self) -> u64 {
+    pub fn rejected(&self) -> u64 {
         self.targets.sample.rejected() + self.targets.command.rejected()
     }
 
@@ -373,7 +421,7 @@ impl FaultLayer {
             self.targets.stack_of(&effect.action).reserve(living);
             self.effects.push(effect);
         }
-        self.told.reserve(2 * living);
+        self.events.reserve(2 * living);
         self.schedule.arm(armed, begin..end, next)
     }
 
@@ -385,12 +433,12 @@ impl FaultLayer {
                     let twins = self.targets.begin(&mut self.effects, place);
                     let effect = &mut self.effects[place];
                     effect.start(self.seed, twins, &mut self.path);
-                    self.told.extend(effect.take_taken().map(Event::Fault));
+                    self.events.extend(effect.take_taken().map(Event::Fault));
                 }
                 Change::Ends(place) => {
                     self.targets.end(&mut self.effects, place, step);
                     let size = self.effects[place].size();
-                    self.told.push_back(Event::FaultEnded(FaultEnded {
+                    self.events.push_back(Event::FaultEnded(FaultEnded {
                         id: size.id,
                         effect: size.effect,
                         step: step.0,
@@ -398,51 +446,6 @@ impl FaultLayer {
                     }));
                 }
             }
-        }
-    }
-}
-
-impl Targets {
-    /// Returns the stack of effects at the place of this effect.
-    const fn stack_of(&mut self, action: &Action) -> &mut Vec<usize> {
-        match action {
-            // An ended effect is in no stack.
-            Action::Move(_) | Action::Parameter(..) | Action::Over => self.parameters.stack(),
-            Action::Signal(Direction::Sample, ..) => self.sample.signals(),
-            Action::Signal(Direction::Command, ..) => self.command.signals(),
-            Action::Signal(Direction::Input, ..) => self.input.signals(),
-            Action::Link(Direction::Command, ..) => self.command.link(),
-            Action::Link(..) => self.sample.link(),
-            Action::Skip(..) | Action::Busy(..) => self.timing.stack(),
-        }
-    }
-
-    /// Begins an effect; returns the number of earlier identical ones.
-    fn begin(&mut self, effects: &mut [Effect], place: usize) -> usize {
-        match effects[place].action {
-            Action::Link(Direction::Sample, ..) => self.sample.begin(&mut effects[place]),
-            Action::Link(Direction::Command, ..) => self.command.begin(&mut effects[place]),
-            _ => {}
-        }
-        let stack = self.stack_of(&effects[place].action);
-        let is_twin = |other: &&usize| effects[**other].is_twin_of(&effects[place]);
-        let twins = stack.iter().filter(is_twin).count();
-        stack.push(place);
-        twins
-    }
-
-    /// Ends an effect; changes nothing if it never began.
-    fn end(&mut self, effects: &mut [Effect], place: usize, step: Step) {
-        let stack = self.stack_of(&effects[place].action);
-        let Some(index) = stack.iter().position(|&other| other == place) else {
-            return;
-        };
-        stack.remove(index);
-        match effects[place].action {
-            Action::Move(_) | Action::Parameter(..) => self.parameters.heal(),
-            Action::Link(Direction::Sample, ..) => self.sample.end(effects, step),
-            Action::Link(Direction::Command, ..) => self.command.end(effects, step),
-            _ => {}
         }
     }
 }

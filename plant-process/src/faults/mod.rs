@@ -7,11 +7,12 @@
 //! 2. The [`layer`], which the engine calls at every step, admits the fault.
 //! 3. The `schedule` determines the steps at which the fault begins and ends.
 //! 4. In between, each `effect` acts on its target: the plant's `parameters`, the signals or the link of a
-//!    `signal_path` (whose `channel` is the medium, with its `arrivals`), or the `timing`. Its [`profile`] gives the
+//!    `signal_path` (whose medium is a `channel` with its `arrivals`, or a [`Bus`] of frames), or the `timing`. Its [`profile`] gives the
 //!    course.
 
 mod arrivals;
 pub mod builder;
+mod bus;
 mod channel;
 mod effect;
 pub mod kind;
@@ -24,6 +25,7 @@ mod signal_path;
 mod timing;
 
 pub use builder::{ArmedFault, FaultBuilder};
+pub use bus::Bus;
 pub use kind::{Fault, FaultKind, FaultKindEntry};
 pub use layer::{Admitted, FaultLayer, SavedFaults};
 

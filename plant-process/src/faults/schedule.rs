@@ -112,7 +112,7 @@ impl Schedule {
         if saved.len() != self.events.len() || !self.events.iter().zip(saved).all(same) {
             let (theirs, ours) = (saved.len(), self.events.len());
             return Err(Invalid(format!(
-                "the state contains {theirs} faults, which are not the {ours} of this run"
+                "the {theirs} faults in the state are not the {ours} faults of this run"
             )));
         }
         for (scheduled, saved) in self.events.iter_mut().zip(saved) {

@@ -8,6 +8,7 @@ use shared_types::describe::Invalid;
 use shared_types::frame::{FrameKind, VALIDITY_WORDS};
 use shared_types::time::{Rate, Step};
 
+use super::bus::Line;
 use super::channel::{About, Channel, SavedChannel};
 use super::effect::{Action, Effect};
 use super::kind::{Passage, Reading};
@@ -22,8 +23,10 @@ pub(super) struct SignalPath {
     /// Effects that act on the link, in the order in which they began.
     link: Vec<usize>,
     /// Signals of the previous step, whose values replace invalid signals; 0 before the first step.
-    kept: Vec<f64>,
+    previous: Vec<f64>,
     channel: Channel,
+    /// Frames in place of the channel.
+    line: Option<Box<Line>>,
 }
 
 /// Saved state of a path.
@@ -31,7 +34,7 @@ pub(super) struct SignalPath {
 pub(super) struct SavedPath {
     signals: Vec<usize>,
     link: Vec<usize>,
-    kept: Vec<f64>,
+    previous: Vec<f64>,
     channel: SavedChannel,
 }
 
@@ -41,9 +44,25 @@ impl SignalPath {
         Self {
             signals: Vec::new(),
             link: Vec::new(),
-            kept: vec![0.0; width],
+            previous: vec![0.0; width],
             channel: Channel::new(width, kind),
+            line: None,
         }
+    }
+
+    /// Lets the signals cross frames.
+    pub(super) fn cross(&mut self, line: Line) {
+        self.line = Some(Box::new(line));
+    }
+
+    /// Returns the frames that the signals cross, if any.
+    pub(super) fn line(&self) -> Option<&Line> {
+        self.line.as_deref()
+    }
+
+    /// Returns the frames that the signals cross, if any.
+    pub(super) fn line_mut(&mut self) -> Option<&mut Line> {
+        self.line.as_deref_mut()
     }
 
     /// Returns the state.
@@ -51,14 +70,14 @@ impl SignalPath {
         SavedPath {
             signals: self.signals.clone(),
             link: self.link.clone(),
-            kept: self.kept.clone(),
+            previous: self.previous.clone(),
             channel: self.channel.save(),
         }
     }
 
     /// Restores a saved state.
     pub(super) fn restore(&mut self, saved: SavedPath) -> Result<(), Invalid> {
-        if saved.kept.len() != self.kept.len() {
+        if saved.previous.len() != self.previous.len() {
             return Err(Invalid(
                 "the signals in the state are not those of this plant".into(),
             ));
@@ -66,13 +85,13 @@ impl SignalPath {
         // Not replaced: they have room for every armed effect.
         self.signals.clone_from(&saved.signals);
         self.link.clone_from(&saved.link);
-        self.kept = saved.kept;
+        self.previous = saved.previous;
         self.channel.restore(saved.channel)
     }
 
     /// Returns the number of frames rejected by their checksum.
-    pub(super) const fn rejected(&self) -> u64 {
-        self.channel.rejected()
+    pub(super) fn rejected(&self) -> u64 {
+        self.channel.rejected() + self.line().map_or(0, Line::rejected)
     }
 
     /// Returns the active effects on signals.
@@ -88,16 +107,20 @@ impl SignalPath {
     /// Begins an effect on the link.
     pub(super) fn begin(&mut self, effect: &mut Effect) {
         self.channel.begin();
-        if let Action::Link(_, _, arrivals) = &mut effect.action {
+        if let Action::Link(_, _, _, arrivals) = &mut effect.action {
             arrivals.continue_from(self.channel.arrivals());
         }
     }
 
     /// Ends an effect on the link.
     pub(super) fn end(&mut self, effects: &mut [Effect], step: Step) {
+        if let Some(line) = &mut self.line {
+            line.end();
+            return;
+        }
         self.channel.end(step);
         for &effect in &self.link {
-            if let Action::Link(_, _, arrivals) = &mut effects[effect].action {
+            if let Action::Link(_, _, _, arrivals) = &mut effects[effect].action {
                 arrivals.overrule(step.0);
             }
         }
@@ -114,14 +137,20 @@ impl SignalPath {
         if invalid.iter().fold(0, |all, word| all | word) != 0 {
             for (index, value) in row.iter_mut().enumerate() {
                 if is_invalid(invalid, index) {
-                    *value = self.kept[index];
+                    *value = self.previous[index];
                 }
             }
         }
         for &effect in &self.signals {
-            apply(&mut effects[effect], step, rate, (row, invalid), &self.kept);
+            apply(
+                &mut effects[effect],
+                step,
+                rate,
+                (row, invalid),
+                &self.previous,
+            );
         }
-        self.kept.copy_from_slice(row);
+        self.previous.copy_from_slice(row);
     }
 
     /// Transmits a row of this age to the receiver; returns the age of the received row.
@@ -133,6 +162,10 @@ impl SignalPath {
         (row, invalid): Row<'_>,
         age_steps: u32,
     ) -> u32 {
+        if let Some(line) = &mut self.line {
+            let acting = (effects, &self.link[..]);
+            return line.carry(acting, (step, rate), (row, invalid), age_steps);
+        }
         let about = About {
             step: step.0,
             age_steps,
@@ -149,7 +182,7 @@ impl SignalPath {
             let effect = &mut effects[effect];
             let at = effect.moment(step, rate);
             let (before, received_before) = (passage, received);
-            if let Action::Link(_, fault, arrivals) = &mut effect.action {
+            if let Action::Link(_, _, fault, arrivals) = &mut effect.action {
                 fault.message(&at, &mut passage);
                 if self.channel.gets_through(step, &passage) {
                     arrivals.send(step.0, &passage);

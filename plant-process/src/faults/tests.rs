@@ -39,7 +39,7 @@ fn without_a_fault_everything_passes_unchanged() {
             };
             assert_eq!(passed, healthy);
         }
-        assert_eq!((rig.told, rig.layer.rejected()), (vec![], 0));
+        assert_eq!((rig.events, rig.layer.rejected()), (vec![], 0));
     }
 }
 

@@ -25,7 +25,7 @@ pub(crate) struct SavedTuning {
     number: u64,
     /// Pending live changes.
     waiting: Vec<SavedChange>,
-    taken: usize,
+    accepted: usize,
 }
 
 fn saved(course: &Course) -> SavedCourse {
@@ -69,7 +69,7 @@ impl Tuning {
                 .collect(),
             number: self.number,
             waiting: waiting.collect(),
-            taken: self.taken,
+            accepted: self.accepted,
         }
     }
 
@@ -89,7 +89,7 @@ impl Tuning {
             }
         }
         self.number = state.number;
-        self.taken = self.taken.max(state.taken);
+        self.accepted = self.accepted.max(state.accepted);
         for (step, ramp_steps, set, clear) in state.waiting {
             self.last_id += 1;
             let set = set.into_iter();

@@ -299,6 +299,33 @@ impl Packer {
         &self.results
     }
 
+    /// Returns the state between two frames, for a checkpoint: the counter, then last raw number and count of saturated
+    /// values of each signal.
+    #[must_use]
+    pub fn state(&self) -> Vec<u64> {
+        let slots = self.slots.iter().zip(&self.saturated);
+        let slots = slots.flat_map(|(slot, saturated)| [slot.last, *saturated]);
+        std::iter::once(self.counter).chain(slots).collect()
+    }
+
+    /// Restores a state; returns `false` if it is one of another frame.
+    #[must_use]
+    pub fn restore(&mut self, state: &[u64]) -> bool {
+        let Some((counter, slots)) = state.split_first() else {
+            return false;
+        };
+        let slots = slots.chunks_exact(2);
+        let is_whole = slots.remainder().is_empty() && slots.len() == self.slots.len();
+        if is_whole {
+            self.counter = *counter;
+            let own = self.slots.iter_mut().zip(&mut self.saturated);
+            for ((slot, saturated), state) in own.zip(slots) {
+                (slot.last, *saturated) = (state[0], state[1]);
+            }
+        }
+        is_whole
+    }
+
     /// Returns the numbers of values that were beyond the range, in the order of [`columns`](Self::columns).
     #[must_use]
     pub fn saturated(&self) -> &[u64] {

@@ -73,6 +73,32 @@ impl Receiver {
         self.frames[frame].1.counts
     }
 
+    /// Returns the state between two frames, for a checkpoint: the count of foreign frames, then last counter and counts
+    /// of each frame.
+    #[must_use]
+    pub fn state(&self) -> Vec<u64> {
+        let frames = self.frames.iter();
+        let frames = frames.flat_map(|(_, unpacker)| unpacker.state());
+        std::iter::once(self.foreign).chain(frames).collect()
+    }
+
+    /// Restores a state; returns `false` if it is one of other frames.
+    #[must_use]
+    pub fn restore(&mut self, state: &[u64]) -> bool {
+        let Some((foreign, frames)) = state.split_first() else {
+            return false;
+        };
+        let (states, rest) = frames.as_chunks();
+        let is_whole = rest.is_empty() && states.len() == self.frames.len();
+        if is_whole {
+            self.foreign = *foreign;
+            for ((_, unpacker), state) in self.frames.iter_mut().zip(states) {
+                unpacker.restore(*state);
+            }
+        }
+        is_whole
+    }
+
     /// Returns the number of frames that belong to none of these.
     #[must_use]
     pub const fn foreign(&self) -> u64 {

@@ -234,6 +234,37 @@ impl Row {
         &self.results
     }
 
+    /// Returns the state between two steps, for a checkpoint: value, age and validity of each signal.
+    #[must_use]
+    pub fn state(&self) -> Vec<u64> {
+        let columns = 0..self.values.len();
+        let state = columns.flat_map(|column| {
+            let age = u64::from(self.ages[column]);
+            let is_valid = u64::from(self.is_valid(column));
+            [self.values[column].to_bits(), age, is_valid]
+        });
+        state.collect()
+    }
+
+    /// Restores a state; returns `false` if it is one of another row. The results of its invalid signals begin as
+    /// missing.
+    #[must_use]
+    pub fn restore(&mut self, state: &[u64]) -> bool {
+        let columns = state.chunks_exact(3);
+        let is_whole = columns.remainder().is_empty() && columns.len() == self.values.len();
+        if is_whole {
+            for (column, state) in columns.enumerate() {
+                match state[2] {
+                    1 => self.accept(column, f64::from_bits(state[0])),
+                    _ => self.mark(column, FieldResult::Missing),
+                }
+                self.values[column] = f64::from_bits(state[0]);
+                self.ages[column] = u32::try_from(state[1]).unwrap_or(u32::MAX);
+            }
+        }
+        is_whole
+    }
+
     /// Begins a step: all values are one step older, and those beyond their age limit become stale.
     #[inline]
     pub fn advance(&mut self) {

@@ -361,6 +361,51 @@ impl Unpacker {
     }
 }
 
+impl Unpacker {
+    pub(crate) fn state(&self) -> [u64; 7] {
+        let Counts {
+            accepted,
+            repeated,
+            refused,
+            lost,
+            refused_fields,
+        } = self.counts;
+        let (has_counter, counter) = match self.last_counter {
+            Some(counter) => (1, counter),
+            None => (0, 0),
+        };
+        [
+            has_counter,
+            counter,
+            accepted,
+            repeated,
+            refused,
+            lost,
+            refused_fields,
+        ]
+    }
+
+    pub(crate) fn restore(&mut self, state: [u64; 7]) {
+        let [
+            has_counter,
+            counter,
+            accepted,
+            repeated,
+            refused,
+            lost,
+            refused_fields,
+        ] = state;
+        self.last_counter = (has_counter == 1).then_some(counter);
+        self.counts = Counts {
+            accepted,
+            repeated,
+            refused,
+            lost,
+            refused_fields,
+        };
+    }
+}
+
 /// Reads the fields of a JSON line; of two values at one path the last counts.
 fn scan(
     bytes: &[u8],

@@ -141,7 +141,7 @@ fn await_end(
 }
 
 fn too_long() -> String {
-    format!("its answer is longer than {} MiB", LONGEST_ANSWER >> 20)
+    format!("the answer is longer than {} MiB", LONGEST_ANSWER >> 20)
 }
 
 /// Output of a program, read while it runs, because a full pipe would block it.
@@ -166,7 +166,7 @@ impl Heard {
     /// Returns the answer of a program that has ended.
     fn answer(self, status: ExitStatus) -> Result<Answer, String> {
         let collect = |ear: &Ear| {
-            let held_open = |_| "a process that it started holds its output open".to_owned();
+            let held_open = |_| "a child process of the program holds the output open".to_owned();
             ear.bytes.recv_timeout(ANSWER_LIMIT).map_err(held_open)
         };
         let stdout = collect(&self.stdout)?;

@@ -25,7 +25,7 @@ pub fn apply(settings: &Settings) -> Report {
     let before = sched_getaffinity(None).ok();
     let _ = set_current_timer_slack(std::num::NonZeroU64::new(1)); // read back below
     let pinned = settings.core.map_or(Ok(()), pin);
-    let kept = memory::keep(settings.lock_memory, settings.prefault);
+    let result = memory::keep(settings.lock_memory, settings.prefault);
     let raised = match settings.priority {
         0 => Ok(()),
         priority => scheduling::run_at(priority),
@@ -47,12 +47,12 @@ pub fn apply(settings: &Settings) -> Report {
         lock_memory: Granted::new(
             settings.lock_memory,
             memory::is_locked(),
-            (kept.clone().err()).or_else(|| Some("locking loads it as well".into())),
+            (result.clone().err()).or_else(|| Some("locking loads it as well".into())),
         ),
         prefault: Granted::new(
             settings.prefault,
             settings.prefault && memory::is_at_hand(),
-            kept.err(),
+            result.err(),
         ),
         wait: Granted::new(
             settings.wait,

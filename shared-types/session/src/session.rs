@@ -195,7 +195,7 @@ impl SessionInfo {
         }
     }
 
-    /// Closes files and folders of the session that other users could access; iceoryx2 leaves some open.
+    /// Removes other users' access to files and folders of the session; iceoryx2 leaves some of them accessible.
     ///
     /// No other mode may be changed: iceoryx2 marks a file under construction with mode 0200, and a process that opens
     /// the file too early would read missing data.

@@ -95,7 +95,7 @@ fn a_description_with_duplicate_or_unprintable_names_is_refused() {
     let many: Vec<&str> = many.iter().map(String::as_str).collect();
     refused(
         |all| all.plants[0].measured = table(&many),
-        "measured of plant `still`: there are 513, but at most 512 are allowed",
+        "measured of plant `still`: there are 513 entries, but at most 512 are allowed",
     );
     // Together with the command.
     refused(

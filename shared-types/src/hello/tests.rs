@@ -65,7 +65,7 @@ fn unusable_names_are_refused_on_both_sides() {
         (&["a_rad", "a_rad"], "internal: `a_rad` is defined twice"),
         (
             &many,
-            "internal: there are 600, but at most 512 are allowed",
+            "internal: there are 600 entries, but at most 512 are allowed",
         ),
         (&many[..511], "513 signals in one direction"),
     ] {

@@ -37,7 +37,7 @@ pub struct InProcessLink {
 struct Mailbox {
     control: VecDeque<Vec<u8>>,
     /// Messages to the controller of an epoch whose frames are in use.
-    told: VecDeque<(u32, Vec<u8>)>,
+    messages: VecDeque<(u32, Vec<u8>)>,
     frame: Option<Header>,
     values: Vec<f64>,
 }
@@ -71,7 +71,9 @@ impl Link for InProcessLink {
     fn tell(&mut self, message: &[u8]) -> Result<(), LinkError> {
         let identity = self.identity.ok_or(LinkError::NotOpen)?;
         let mut mailbox = self.outgoing.borrow_mut();
-        mailbox.told.push_back((identity.epoch, message.to_vec()));
+        mailbox
+            .messages
+            .push_back((identity.epoch, message.to_vec()));
         Ok(())
     }
 
@@ -80,8 +82,8 @@ impl Link for InProcessLink {
         let is_own = |(epoch, _): &(u32, Vec<u8>)| {
             (self.identity).is_some_and(|identity| identity.epoch == *epoch)
         };
-        if mailbox.told.front().is_some_and(is_own) {
-            return Ok(mailbox.told.pop_front().map(|(_, message)| message));
+        if mailbox.messages.front().is_some_and(is_own) {
+            return Ok(mailbox.messages.pop_front().map(|(_, message)| message));
         }
         Ok(mailbox.control.pop_front())
     }
@@ -116,7 +118,7 @@ impl Link for InProcessLink {
             self.sequence = 0;
             // The receiver of the other messages no longer exists.
             let mut mailbox = self.outgoing.borrow_mut();
-            mailbox.told.retain(|(epoch, _)| *epoch >= next.epoch);
+            mailbox.messages.retain(|(epoch, _)| *epoch >= next.epoch);
         }
     }
 

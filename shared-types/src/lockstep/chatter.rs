@@ -101,7 +101,7 @@ fn explore<S: Pestered>(start: S) -> Result<usize, String> {
         }
         match on_path.get(&state.key()) {
             Some(false) => {}
-            Some(true) => return Err(format!("it never ends: {}", so_far(&way))),
+            Some(true) => return Err(format!("the conversation never ends: {}", so_far(&way))),
             None => {
                 on_path.insert(state.key(), true);
                 let left = state.sayings();

@@ -246,6 +246,70 @@ pub struct RunEnd {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     #[serde(deserialize_with = "text::lines_of")]
     pub unconfirmed: Vec<String>,
+    /// Counts of each frame of the bus in simulation.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bus: Vec<BusCounts>,
+}
+
+/// Counts of one frame of the bus in simulation.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct BusCounts {
+    /// Name of the frame.
+    #[serde(deserialize_with = "text::line_of")]
+    pub frame: String,
+    /// `sample` or `command`.
+    #[serde(deserialize_with = "text::line_of")]
+    pub carries: String,
+    /// Frames sent.
+    pub sent: u64,
+    /// Frames accepted.
+    pub accepted: u64,
+    /// Frames refused by their own checks, as that of a counter.
+    pub refused: u64,
+    /// Frames refused by the check of a network.
+    pub corrupted: u64,
+    /// Frames out of order on one of two networks.
+    pub out_of_order: u64,
+    /// Second copies on two networks.
+    pub redundant: u64,
+    /// Signals that were beyond the range of their field.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub saturated: Vec<SaturatedSignal>,
+}
+
+impl BusCounts {
+    /// Describes the counts, as in `bus: 100 frames motion (sample) sent, 98 accepted, 2 corrupted`.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        let Self { frame, carries, .. } = self;
+        let mut text = format!(
+            "bus: {} frames {frame} ({carries}) sent, {} accepted",
+            self.sent, self.accepted
+        );
+        let counts = [
+            (self.refused, "refused"),
+            (self.corrupted, "corrupted"),
+            (self.out_of_order, "out of order"),
+            (self.redundant, "redundant"),
+        ];
+        for (count, what) in counts.iter().filter(|(count, _)| *count > 0) {
+            text += &format!(", {count} {what}");
+        }
+        for SaturatedSignal { signal, count } in &self.saturated {
+            text += &format!(", {signal} beyond its range in {count}");
+        }
+        text
+    }
+}
+
+/// Signal beyond the range of its field.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct SaturatedSignal {
+    /// The signal.
+    #[serde(deserialize_with = "text::line_of")]
+    pub signal: String,
+    /// Number of frames that carried the limit in place of its value.
+    pub count: u64,
 }
 
 fn nothing_was_ignored(ignored: &Ignored) -> bool {
@@ -266,6 +330,7 @@ impl RunEnd {
             overruns: Streaks::default(),
             missed_commands: Streaks::default(),
             unconfirmed: Vec::new(),
+            bus: Vec::new(),
         }
     }
 }

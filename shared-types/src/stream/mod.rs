@@ -110,6 +110,10 @@ impl<S: RecordSink + ?Sized> RecordSink for &mut S {
 
 /// Item received by an observer.
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one item at a time is in memory, and the end of a run comes once"
+)]
 pub enum Item<'a> {
     /// A record's words.
     Record(&'a [u64]),

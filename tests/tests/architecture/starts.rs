@@ -30,13 +30,19 @@ const TOOLS: [&str; 20] = [
 ];
 
 /// Locations that start another program without the rig, with the reason.
-const OTHERS: [(&str, &str, &str); 6] = [
+const OTHERS: [(&str, &str, &str); 8] = [
     ("book.rs", "program", "the preprocessor of the book"),
     ("intrusion.rs", "\"sh\"", "attempts of another user"),
     (
         "mutations.rs",
         "program",
         "an explorer that the test compiled",
+    ),
+    ("quad.rs", "\"sh\"", "the script that builds Betaflight"),
+    (
+        "quad.rs",
+        "\"nsenter\"",
+        "a question to Betaflight in its own network",
     ),
     ("reader.rs", "\"bash\"", "lines that only end"),
     ("realtime_settings.rs", "\"setpriv\"", "a trial with `true`"),

@@ -232,7 +232,10 @@ fn signals() -> String {
 fn parameters(page: &mut String, title: &str, fields: &[Field]) {
     let own = |field: &Field| {
         let star = if field.faultable { " *" } else { "" };
-        let default = field.default.map_or("required".into(), number);
+        let default = match field.default {
+            _ if field.is_optional => String::new(),
+            default => default.map_or("required".into(), number),
+        };
         (star, format!(" {default} |"))
     };
     list(page, title, (" default |", "---|"), fields, own);

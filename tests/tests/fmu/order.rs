@@ -84,7 +84,7 @@ fn a_sampled_controller_answers_its_sample_and_a_continuous_one_leads_by_one_per
         let fmu = place.fmu("law.fmu", &entries_for_fmpy("pi", version, text, options));
         let described = place.hil(&["describe", "law.fmu", "--as", "controller"]);
         described.expect(0).prints(&[
-            "they reflect the sample of the same step, and the internal states lead by one period",
+            "which reflect the sample of the same step, and the internal states lead by one period",
             "u on x",
         ]);
 

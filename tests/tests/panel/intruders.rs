@@ -154,7 +154,7 @@ fn only_pages_of_the_panel_get_data_and_the_run_is_unaffected() {
         json!({ "secret": "" }),
         json!({ "secret": &panel.secret()[..31] }),
         json!({ "secret": panel.secret(), "more": 1 }),
-        json!({ "ask": "do", "number": 1, "deed": { "deed": "resume" } }),
+        json!({ "ask": "do", "number": 1, "action": { "kind": "resume" } }),
         json!([]),
     ] {
         let mut client = Client::connected(&panel.url);

@@ -52,8 +52,8 @@ impl Page {
         }
     }
 
-    fn does(&mut self, deed: &Value) {
-        self.client.do_it(deed);
+    fn does(&mut self, action: &Value) {
+        self.client.do_it(action);
         let answer = self.until(|message, _| message["tell"] == "answer");
         assert_eq!(answer["is_done"], true, "{answer}");
     }
@@ -103,21 +103,21 @@ fn the_log_has_every_event_once_and_in_order_even_for_late_pages() {
     let rig = Rig::new();
     let (run, panel) = begun(&rig, "", &[]);
     let mut first = Page::at(&panel.url);
-    let mark = |text: &str| json!({ "deed": "mark", "text": text });
+    let mark = |text: &str| json!({ "kind": "mark", "text": text });
     let set = |key: &str, value: f64| {
         let set = json!([{ "key": key, "value": value }]);
-        json!({ "deed": "set", "change": { "set": set } })
+        json!({ "kind": "set", "change": { "set": set } })
     };
     // All at one step, within one update of the state; two marks are equal.
     let dropout = "dropout measured.position_m --duration 0.002";
-    first.does(&json!({ "deed": "inject", "words": dropout }));
+    first.does(&json!({ "kind": "inject", "words": dropout }));
     first.does(&mark("beside it"));
     first.does(&mark("beside it"));
     for mass_kg in [1.25, 1.5, 1.25] {
         first.does(&set("plant.parameters.mass_kg", mass_kg));
     }
     first.does(&set("reference.position_m", 0.02));
-    first.does(&json!({ "deed": "step", "steps": 10 }));
+    first.does(&json!({ "kind": "step", "steps": 10 }));
     first.does(&mark("behind it"));
     let is_behind = |_: &Value, log: &[String]| (log.iter()).any(|row| row.ends_with("behind it"));
     first.until(is_behind);
@@ -128,7 +128,7 @@ fn the_log_has_every_event_once_and_in_order_even_for_late_pages() {
     let mut third = Page::at(&late.url);
     third.until(is_behind);
     third.does(&mark("from the third"));
-    third.does(&json!({ "deed": "resume" }));
+    third.does(&json!({ "kind": "resume" }));
     let logs = [first, second, third].map(Page::until_the_end);
     let fourth = Page::at(&panel.url).until_the_end();
     let run = run.finish().expect(0);
@@ -168,7 +168,7 @@ fn a_log_of_very_many_changes_is_complete() {
     let panel = Panel::start(&rig, &[]);
     let mut page = Page::at(&panel.url);
     page.until(|_, log| log.iter().filter(|row| row.starts_with("changed")).count() == 1200);
-    page.does(&json!({ "deed": "resume" }));
+    page.does(&json!({ "kind": "resume" }));
     let log = page.until_the_end();
     let run = run.finish().expect(0);
     let recording = Recording::open(&run.recording());

@@ -77,8 +77,8 @@ impl Client {
         sent.expect("it takes messages");
     }
 
-    pub(super) fn do_it(&mut self, deed: &Value) {
-        self.say(&json!({ "ask": "do", "number": 1, "deed": deed }));
+    pub(super) fn do_it(&mut self, action: &Value) {
+        self.say(&json!({ "ask": "do", "number": 1, "action": action }));
     }
 
     pub(super) fn look(&mut self, number: u32, window_s: f64) {
@@ -157,7 +157,7 @@ fn points_are_the_extremes_of_all_their_records() {
     let mut state = client.until(|message| message["step"].is_u64());
     while state["state"] != "ended" {
         let last = state["step"].as_u64().expect("a step") + 1000;
-        client.do_it(&json!({ "deed": "step", "steps": 1000 }));
+        client.do_it(&json!({ "kind": "step", "steps": 1000 }));
         state = client
             .until(|message| message["state"] == "ended" || message["step"].as_u64() >= Some(last));
     }
@@ -247,7 +247,7 @@ fn the_panel_of_a_scenario_chooses_readings_sliders_and_buttons() {
     // A page may change values without a slider, and is refused what the session refuses.
     for (value, is_done) in [(600.0, true), (1e30, false)] {
         let set = json!([{ "key": "controller.pid.proportional_n_per_m", "value": value }]);
-        client.do_it(&json!({ "deed": "set", "change": { "set": set } }));
+        client.do_it(&json!({ "kind": "set", "change": { "set": set } }));
         let answer = client.until(|message| message["tell"] == "answer");
         assert_eq!(answer["is_done"], is_done, "{answer}");
     }
@@ -334,13 +334,13 @@ fn a_fault_by_words_is_checked_and_no_file_of_the_machine_is_read() {
         ("bias measured.position_m 1 --session other", "--session"),
         ("bias 'measured.position_m", "quote"),
     ] {
-        client.do_it(&json!({ "deed": "inject", "words": words }));
+        client.do_it(&json!({ "kind": "inject", "words": words }));
         let answer = client.until(|message| message["tell"] == "answer");
         assert_eq!(answer["is_done"], false, "{words}: {answer}");
         let text = answer["text"].as_str().expect("text");
         assert!(text.contains(message), "{words}: {text}");
     }
-    client.do_it(&json!({ "deed": "mark", "text": " " }));
+    client.do_it(&json!({ "kind": "mark", "text": " " }));
     let answer = client.until(|message| message["tell"] == "answer");
     assert_eq!(answer["is_done"], false);
     assert_eq!(panel.interrupt(), Some(130));

@@ -83,7 +83,8 @@ fn pages_write_numbers_and_times_as_tables_and_terminals_do() {
         "const listed = (text, write) => Array.from(new Float64Array(bytesOf(text).buffer), write).join(' ; ');
         const box = document.createElement('pre');
         box.id = 'told';
-        box.textContent = listed('{}', (value) => number(value)) + '|' + listed('{}', nanoseconds);
+        const values = '{}';
+        box.textContent = [listed(values, (value) => number(value)), listed(values, typed), listed('{}', nanoseconds)].join('|');
         document.body.append(box);",
         encoded(&mut numbers.iter().copied()),
         encoded(&mut times_ns.iter().map(|ns| *ns as f64)),
@@ -92,16 +93,29 @@ fn pages_write_numbers_and_times_as_tables_and_terminals_do() {
     let Some(text) = told(&rig, &page, 800, false) else {
         return;
     };
-    let (page_numbers, page_times) = text.split_once('|').expect("two lists");
-    let page_numbers: Vec<&str> = page_numbers.split(" ; ").collect();
+    let lists: Vec<Vec<&str>> = text
+        .split('|')
+        .map(|list| list.split(" ; ").collect())
+        .collect();
+    let [page_numbers, page_fields, page_times] = &lists[..] else {
+        panic!("{} lists", lists.len());
+    };
     assert_eq!(page_numbers.len(), numbers.len());
     for (value, text) in numbers.iter().zip(page_numbers) {
-        assert_eq!(text, short(*value), "{value:e}");
+        assert_eq!(*text, short(*value), "{value:e}");
     }
-    let page_times: Vec<&str> = page_times.split(" ; ").collect();
+    assert_eq!(page_fields.len(), numbers.len());
+    for (value, text) in numbers.iter().zip(page_fields) {
+        let read: f64 = text.parse().expect("a number");
+        let table = short(*value);
+        let is_exact = table.parse() == Ok(*value);
+        let error = (read - value).abs() / value.abs();
+        assert!(!is_exact || *text == table, "{text} for {table}");
+        assert!(error.is_nan() || error <= 5e-5, "{text} for {value:e}");
+    }
     assert_eq!(page_times.len(), times_ns.len());
     for (ns, text) in times_ns.iter().zip(page_times) {
-        assert_eq!(text, shown_ns(*ns), "{ns} ns");
+        assert_eq!(*text, shown_ns(*ns), "{ns} ns");
     }
 }
 
@@ -179,6 +193,15 @@ fn no_page_has_a_number_format_of_its_own() {
     assert!(scripts.len() >= 3, "{scripts:?}");
     for script in scripts {
         let text = shipped(script);
+        for formatter in [
+            "toPrecision",
+            "toFixed",
+            "toExponential",
+            "toLocale",
+            "Intl.",
+        ] {
+            assert!(!text.contains(formatter), "{script} has `{formatter}`");
+        }
         for name in &shared {
             let own = ["const", "let", "class", "function"].map(|word| format!("{word} {name} "));
             assert!(

@@ -13,7 +13,7 @@ use shared_types::frame;
 /// Number of values in the smallest frame.
 const SMALLEST: usize = 16;
 
-/// Returns the number of words of the frame for a number of signals, rounded up to a size class.
+/// Returns the frame size in words for a number of signals, rounded up to a size class.
 pub(crate) fn frame_words(signals: usize) -> usize {
     frame::words(signals.next_power_of_two().max(SMALLEST))
 }

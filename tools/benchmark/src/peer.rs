@@ -58,7 +58,9 @@ impl Peer {
             .stderr(Stdio::piped())
             .process_group(0)
             .spawn()
-            .map_err(|error| Failure::infrastructure(format!("cannot start a process: {error}")))?;
+            .map_err(|error| {
+                Failure::infrastructure(format!("cannot start the controller's process: {error}"))
+            })?;
         let (input, output) = (process.stdin.take(), process.stderr.take());
         let supervision = supervision.clone();
         // Sleeps until the process exits, so that this thread stays idle during the measurement.
@@ -94,7 +96,12 @@ impl Peer {
                 Ok(None) if since.elapsed() < GRACE => {
                     std::thread::sleep(Duration::from_millis(1));
                 }
-                _ => return Err("the controller's process did not end".into()),
+                _ => {
+                    return Err(format!(
+                        "the controller's process did not exit within {} s",
+                        GRACE.as_secs()
+                    ));
+                }
             }
         };
         let output = self
@@ -103,8 +110,10 @@ impl Peer {
             .and_then(|thread| thread.join().ok());
         match output.unwrap_or_default() {
             _ if status.success() => Ok(()),
-            output if output.is_empty() => Err(format!("the controller's process: {status}")),
-            output => Err(format!("the controller's process: {output}")),
+            output if output.is_empty() => {
+                Err(format!("the controller's process failed: {status}"))
+            }
+            output => Err(format!("the controller's process failed: {output}")),
         }
     }
 }

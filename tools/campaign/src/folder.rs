@@ -188,7 +188,7 @@ pub(crate) fn try_out(folder: &Path) -> Result<(), String> {
     let folder_text = folder.display();
     let lacks = |what: &str, error: &dyn std::fmt::Display| {
         format!(
-            "the file system of {folder_text} has no {what} ({error}); campaigns need them to count each case once"
+            "the file system of {folder_text} does not support {what} ({error}), which campaigns need to count each case once"
         )
     };
     let probe = tempfile::Builder::new()

@@ -50,10 +50,10 @@ pub(crate) struct Claim(#[expect(dead_code, reason = "never read: holds the lock
 #[derive(Debug, thiserror::Error)]
 pub enum PartError {
     /// The shard has no result.
-    #[error("it has no result")]
+    #[error("no result")]
     Missing,
     /// The file is damaged, or belongs to another campaign.
-    #[error("its result is invalid: {0}")]
+    #[error("invalid result: {0}")]
     Broken(String),
     /// An I/O operation failed.
     #[error(transparent)]

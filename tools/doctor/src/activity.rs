@@ -2,15 +2,10 @@
 
 use hil_session::session::SessionError;
 
+use super::checks::{LOAD, SESSIONS};
 use super::cores::Cores;
-use super::finding::{Check, Finding, known};
+use super::finding::{Finding, known};
 use super::tree::Tree;
-
-const LOAD: Check = Check::new("load", "other work occupies the cores and their caches");
-const SESSIONS: Check = Check::new(
-    "sessions",
-    "other sessions occupy the cores; dead ones keep shared memory",
-);
 
 /// Checks the load average of the last minute.
 pub(crate) fn load(tree: &dyn Tree, cores: &Cores) -> Finding {

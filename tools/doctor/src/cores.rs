@@ -5,14 +5,9 @@ use std::fmt::{self, Display};
 
 use hil_console::terminal::exit::Failure;
 
-use super::finding::{Check, Finding, known};
+use super::checks::{CORES, SMT};
+use super::finding::{Finding, known};
 use super::tree::{Tree, Unread};
-
-const COUNT: Check = Check::new(
-    "cores",
-    "plant and controller each spin on a core; everything else needs another",
-);
-const SMT: Check = Check::new("smt", "threads of one core take each other's time");
 
 /// File that lists the online cores.
 const ONLINE: &str = "sys/devices/system/cpu/online";
@@ -202,12 +197,12 @@ pub(crate) fn count(cores: &Cores) -> Finding {
         text += &format!(", this process may use {allowed}");
     }
     match usable {
-        0 => COUNT.unknown(text),
-        1 => COUNT
+        0 => CORES.unknown(text),
+        1 => CORES
             .poor(text)
             .mend_if((online.len() > 1).then(|| format!("taskset -pc {online} $$"))),
-        2 | 3 => COUNT.fair(text),
-        _ => COUNT.good(text),
+        2 | 3 => CORES.fair(text),
+        _ => CORES.good(text),
     }
 }
 

@@ -1,14 +1,10 @@
 //! Check for a hypervisor beneath the machine, and for the time that it takes.
 
+use super::checks::VIRTUALISATION;
 use super::cores::Cores;
-use super::finding::{Check, Finding};
+use super::finding::Finding;
 use super::interrupts::Interval;
 use super::tree::Tree;
-
-const VIRTUALISATION: Check = Check::new(
-    "virtualisation",
-    "a host may pause the whole machine at any time: the longest delays are due to it",
-);
 
 /// Vendor and product names that identify hypervisors.
 const MAKERS: [&str; 13] = [

@@ -1,13 +1,9 @@
 //! Kernel counters: device interrupts, and time stolen by a host.
 
+use super::checks::INTERRUPTS;
 use super::cores::{CoreList, Cores};
-use super::finding::{Check, Finding, Grade, known};
+use super::finding::{Finding, Grade, known};
 use super::tree::{Tree, Unread};
-
-const INTERRUPTS: Check = Check::new(
-    "interrupts",
-    "each device interrupt takes some microseconds from its core",
-);
 
 /// Rate of device interrupts on the chosen cores that is still fair; at 5 us each they take half a percent of the
 /// time.

@@ -1,18 +1,10 @@
 //! Checks that the chosen cores are free of other work, and that this process may use them without a time limit.
 
 use super::boot;
+use super::checks::{ISOLATION, QUOTA};
 use super::cores::{CoreList, Cores};
-use super::finding::{Check, Finding, known};
+use super::finding::{Finding, known};
 use super::tree::Tree;
-
-const ISOLATION: Check = Check::new(
-    "isolation",
-    "the scheduler and its tick put other work on cores that are not isolated",
-);
-const QUOTA: Check = Check::new(
-    "quota",
-    "the processes of a control group stop once its quota is used up",
-);
 
 /// Checks whether the chosen cores are isolated from other work and from the scheduler's tick.
 pub(crate) fn isolation(tree: &dyn Tree, cores: &Cores) -> Finding {

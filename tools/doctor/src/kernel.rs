@@ -1,17 +1,9 @@
 //! Checks of the kernel: its preemption model, and its clock source.
 
 use super::boot;
-use super::finding::{Check, Finding, known};
+use super::checks::{CLOCK_SOURCE, PREEMPTION};
+use super::finding::{Finding, known};
 use super::tree::Tree;
-
-const PREEMPTION: Check = Check::new(
-    "preemption",
-    "kernel code that cannot be preempted delays wake-ups",
-);
-const CLOCK_SOURCE: Check = Check::new(
-    "clock_source",
-    "a clock outside the processor is slow to read and coarse",
-);
 
 /// Preemption model with which a kernel was built, according to `/proc/version`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

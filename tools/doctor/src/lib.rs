@@ -5,7 +5,7 @@
 //! 2. The checks read kernel files through a [`tree`]: [`cores`], [`isolation`], [`kernel`], [`throttling`],
 //!    [`power`], [`rights`], [`memory`], [`activity`], [`host`], [`interrupts`].
 //! 3. [`measure`] measures what no file contains: wake-ups, exchanges, gaps.
-//! 4. Each check gives one [`finding`]: a grade, and the command that remedies the problem ([`boot`] has the commands
+//! 4. Each of the [`checks`] gives one [`finding`]: a grade, and the command that remedies the problem ([`boot`] has the commands
 //!    for the kernel's command line). A file that cannot be read makes the grade unknown; nothing is guessed.
 //! 5. The [`report`] presents the findings and the conclusion.
 //!
@@ -22,6 +22,7 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 pub(crate) mod activity;
 pub mod arguments;
 pub(crate) mod boot;
+pub(crate) mod checks;
 pub mod cores;
 pub(crate) mod finding;
 pub(crate) mod host;
@@ -44,6 +45,7 @@ use hil_session::session;
 use hil_session::shared_memory::SharedMemory;
 
 use crate::arguments::DoctorArguments;
+use checks::{WAKE_UP_IDLE, WAKE_UP_LOADED};
 use cores::Cores;
 use finding::{Finding, Grade};
 use interrupts::{Interval, Snapshot};
@@ -190,7 +192,7 @@ impl Measurement<'_> {
         let company = company::measure(&Root::machine(), &self.cores.chosen, seconds);
         self.announce(&format!("wake-ups on core {core}"));
         let wake_ups = wake_up::measure(core, seconds).map_err(|e| self.unusable(&e))?;
-        let idle = wake_up::finding(wake_up::IDLE, &wake_ups, core, seconds, class);
+        let idle = wake_up::finding(WAKE_UP_IDLE, &wake_ups, core, seconds, class);
 
         let chosen: Vec<u32> = self.cores.chosen.iter().collect();
         let exchange = match <[u32; 2]>::try_from(chosen.clone()) {
@@ -219,11 +221,11 @@ impl Measurement<'_> {
         let wake_ups = wake_up::measure(core, self.seconds);
         if !load.end() {
             let reason = "the load would run at real-time priority as well";
-            return Ok(wake_up::LOADED.unknown(reason).mend(self.at_priority()));
+            return Ok(WAKE_UP_LOADED.unknown(reason).mend(self.at_priority()));
         }
         let wake_ups = wake_ups.map_err(|e| self.unusable(&e))?;
         Ok(self.with_priority(wake_up::finding(
-            wake_up::LOADED,
+            WAKE_UP_LOADED,
             &wake_ups,
             core,
             self.seconds,

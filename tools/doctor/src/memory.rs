@@ -3,18 +3,9 @@
 use hil_session::shared_memory::{LEAST_INODES, SharedMemory};
 use shared_types::number::counted;
 
-use super::finding::{Check, Finding, known};
+use super::checks::{HUGE_PAGES, SHARED_MEMORY, SWAP};
+use super::finding::{Finding, known};
 use super::tree::Tree;
-
-const HUGE_PAGES: Check = Check::new(
-    "huge_pages",
-    "the kernel stalls a process while it merges its pages into huge ones",
-);
-const SWAP: Check = Check::new("swap", "swapped-out memory takes milliseconds to return");
-const SHARED_MEMORY: Check = Check::new(
-    "shared_memory",
-    "frames and records of a session live in /dev/shm",
-);
 
 const MIB: u64 = 1 << 20;
 /// Sufficient for sessions of a thousand signals, whose records have 8 KiB and whose four observers may lag 8192

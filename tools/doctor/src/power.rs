@@ -1,19 +1,11 @@
 //! Checks of power saving that costs time: variable clock rates and deep sleep states.
 
 use super::boot;
+use super::checks::{GOVERNOR, IDLE_STATES};
 use super::cores::Cores;
-use super::finding::{Check, Finding, Grade, known};
+use super::finding::{Finding, Grade, known};
 use super::measure::jitter_grade;
 use super::tree::Tree;
-
-const GOVERNOR: Check = Check::new(
-    "governor",
-    "a processor that changes its clock rate works at changing speed",
-);
-const IDLE_STATES: Check = Check::new(
-    "idle_states",
-    "a core that sleeps deeply takes long to wake up",
-);
 
 /// Checks the frequency governor of the chosen cores.
 pub(crate) fn governor(tree: &dyn Tree, cores: &Cores) -> Finding {

@@ -1,16 +1,8 @@
 //! Checks of this user's permissions: real-time priority and locked memory.
 
-use super::finding::{Check, Finding};
+use super::checks::{LOCKED_MEMORY, PRIORITY};
+use super::finding::Finding;
 use super::tree::Tree;
-
-const PRIORITY: Check = Check::new(
-    "priority",
-    "without real-time priority other work may run first",
-);
-const LOCKED_MEMORY: Check = Check::new(
-    "locked_memory",
-    "unlocked memory may have to be paged in during a step",
-);
 
 /// Number of the capability to raise priorities, `CAP_SYS_NICE`.
 const SYS_NICE: u32 = 23;

@@ -2,14 +2,10 @@
 
 use hil_console::terminal::duration::shown_ns;
 
+use super::checks::THROTTLING;
 use super::cores::Cores;
-use super::finding::{Check, Finding};
+use super::finding::Finding;
 use super::tree::Tree;
-
-const THROTTLING: Check = Check::new(
-    "throttling",
-    "the kernel interrupts real-time work that never sleeps, every second",
-);
 
 /// Time that the kernel withholds from real-time work on a core for waiting ordinary work. The older limit applies
 /// where real-time work is grouped; since Linux 6.12 a server also takes 50 ms of each second, regardless of the

@@ -36,7 +36,7 @@
 //! `commands::execute`. Then `HIL_WRITE_BOOK=1 cargo test --release -p tests book::references` writes the reference
 //! of the book.
 //!
-//! Packages beside these: [`hil_recording`] (`tools/recording`) for recordings; [`hil_target`] (`tools/remote`) for
+//! Other packages: [`hil_recording`] (`tools/recording`) for recordings; [`hil_target`] (`tools/remote`) for
 //! the controller on another machine, its agent and the programs that it may run; `hil-in-process`
 //! (`tools/in-process`) for both sides of a run in one thread; `hil-foreign` (`tools/foreign`) for C programs and
 //! FMUs, which is never linked into `hil`.

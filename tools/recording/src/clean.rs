@@ -38,6 +38,13 @@ pub fn clean(mut event: Event) -> Event {
         }
         Event::End(end) => {
             end.reason.iter_mut().for_each(sanitise);
+            for counts in &mut end.bus {
+                sanitise(&mut counts.frame);
+                sanitise(&mut counts.carries);
+                for saturated in &mut counts.saturated {
+                    sanitise(&mut saturated.signal);
+                }
+            }
             for effect in &mut end.effects {
                 for text in [
                     &mut effect.kind,

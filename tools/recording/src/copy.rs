@@ -93,7 +93,7 @@ impl Copy {
                 name: FACTS.into(),
                 metadata: BTreeMap::from([
                     (VOUCHED.into(), unvouched.records.to_string()),
-                    (UNVOUCHED.into(), unvouched.told.clone()),
+                    (UNVOUCHED.into(), unvouched.text.clone()),
                 ]),
             })?;
         }

@@ -39,7 +39,7 @@ pub(crate) fn read(encoding: &str, message: &[u8]) -> Result<Event, String> {
     } else {
         first_text(message)
     };
-    let json = json.ok_or("its text exceeds the message")?;
+    let json = json.ok_or("the text of an event exceeds its message")?;
     serde_json::from_slice(json).map_err(|error| error.to_string())
 }
 

@@ -67,18 +67,18 @@ impl Choice {
     ///
     /// # Errors
     /// If a pattern is invalid or matches no signal.
-    pub fn kept(&self, layout: &RecordLayout) -> Result<Vec<bool>, String> {
+    pub fn selected(&self, layout: &RecordLayout) -> Result<Vec<bool>, String> {
         let names = names(layout);
-        let mut kept = vec![self.signals.is_empty(); names.len()];
+        let mut selected = vec![self.signals.is_empty(); names.len()];
         for text in &self.signals {
             let pattern = Pattern::new(text)
                 .map_err(|error| format!("`{text}` is not a valid pattern: {error}"))?;
             let is_exact = names.iter().any(|(name, _)| name == text);
             let mut fits = false;
-            for ((name, further), kept) in names.iter().zip(&mut kept) {
+            for ((name, further), is_selected) in names.iter().zip(&mut selected) {
                 let fits_further = || further.iter().any(|name| pattern.matches(name));
                 if pattern.matches(name) || (!is_exact && fits_further()) {
-                    (*kept, fits) = (true, true);
+                    (*is_selected, fits) = (true, true);
                 }
             }
             if !fits {
@@ -86,7 +86,7 @@ impl Choice {
                 return Err(format!("no signal of this run matches `{text}`{near}"));
             }
         }
-        Ok(kept)
+        Ok(selected)
     }
 }
 
@@ -152,24 +152,24 @@ struct Bits {
     /// Range of the validity words in a record.
     from: Range<usize>,
     /// Numbers of the selected bits, in order.
-    kept: Vec<usize>,
+    places: Vec<usize>,
 }
 
 impl Bits {
     fn words(&self) -> usize {
-        self.kept.len().div_ceil(64).max(1)
+        self.places.len().div_ceil(64).max(1)
     }
 
     fn push(&self, record: &[u64], row: &mut VecDeque<u64>) {
         let words = &record[self.from.clone()];
-        for part in self.kept.chunks(64) {
+        for part in self.places.chunks(64) {
             let bits = part
                 .iter()
                 .enumerate()
                 .map(|(new, old)| (words[old / 64] >> (old % 64) & 1) << new);
             row.push_back(bits.sum());
         }
-        if self.kept.is_empty() {
+        if self.places.is_empty() {
             row.push_back(0);
         }
     }
@@ -178,7 +178,7 @@ impl Bits {
 impl Form {
     fn new(layout: &RecordLayout, choice: &Choice) -> Result<Self, String> {
         let groups = layout.groups();
-        let kept = choice.kept(layout)?;
+        let selected = choice.selected(layout)?;
         let mut places = Vec::new();
         let mut kept_of: [Vec<Field>; GROUPS.len()] = Default::default();
         let mut starts = [0; GROUPS.len()];
@@ -186,7 +186,7 @@ impl Form {
         for ((start, fields), kept_fields) in starts.iter_mut().zip(groups).zip(&mut kept_of) {
             *start = index;
             for field in fields {
-                if kept[index] {
+                if selected[index] {
                     places.push(layout.values_start() + index);
                     kept_fields.push(field.clone());
                 }
@@ -199,8 +199,8 @@ impl Form {
         // Returns the bit numbers of the selected signals of a group.
         let bits = |group: &str, bits: &mut dyn Iterator<Item = usize>| -> Vec<usize> {
             let place = place_of(group);
-            let kept = &kept[starts[place]..][..groups[place].len()];
-            let is_kept = bits.zip(kept).filter(|(_, is_kept)| **is_kept);
+            let of_group = &selected[starts[place]..][..groups[place].len()];
+            let is_kept = bits.zip(of_group).filter(|(_, is_selected)| **is_selected);
             is_kept.map(|(bit, _)| bit).collect()
         };
         let measured = layout.measured.len();
@@ -212,7 +212,7 @@ impl Form {
         Ok(Self {
             sample: Bits {
                 from: 1..sample_end,
-                kept: [
+                places: [
                     bits("measured", &mut (0..)),
                     bits("reference", &mut (measured..)),
                 ]
@@ -220,7 +220,7 @@ impl Form {
             },
             command: Bits {
                 from: sample_end..layout.values_start(),
-                kept: [command, bits("internal", &mut (first_internal..))].concat(),
+                places: [command, bits("internal", &mut (first_internal..))].concat(),
             },
             groups: kept_of,
             places,
@@ -346,7 +346,7 @@ mod tests {
         let rate = Rate::new(10.0).expect("a rate");
         let mut excerpt = Excerpt::new(&layout, choice, rate, Step(100)).expect("right");
         let mut words = vec![0; layout.words()];
-        let mut kept = Vec::new();
+        let mut steps = Vec::new();
         for step in 0..=100 {
             if step == 50 {
                 excerpt.fault(50);
@@ -355,13 +355,13 @@ mod tests {
             excerpt.take(&words, &layout.view(&words));
             while let Some((head, row)) = excerpt.next(false) {
                 assert_eq!(head.step, row[0]);
-                kept.push(head.step);
+                steps.push(head.step);
             }
         }
         while let Some((head, _)) = excerpt.next(true) {
-            kept.push(head.step);
+            steps.push(head.step);
         }
-        kept
+        steps
     }
 
     #[test]

@@ -303,7 +303,7 @@ impl RunReader {
             None => Ok(()),
             Some(selection) => Err(ReadError::Excerpt {
                 path: self.path.clone(),
-                kept: selection.to_owned(),
+                selection: selection.to_owned(),
             }),
         }
     }
@@ -352,7 +352,9 @@ impl RunReader {
                     return Err(self.foreign("the file's schema is invalid"));
                 };
                 if !self.columns.is_empty() && columns != self.columns {
-                    return Err(self.damaged(format!("its channel {RECORD_TOPIC} changes")));
+                    return Err(
+                        self.damaged(format!("the definition of channel {RECORD_TOPIC} changes"))
+                    );
                 }
                 self.columns = columns;
                 self.hashed_words = schema::hashed(&self.columns);

@@ -22,7 +22,7 @@ pub enum RosError<E = std::convert::Infallible> {
     #[error("{0}")]
     File(String),
     /// The file has no messages that can be read.
-    #[error("it has no ROS 2 message with a number")]
+    #[error("the file has no ROS 2 message with a number")]
     Empty,
     /// A message does not fit its schema.
     #[error("message {0} does not fit its schema")]

@@ -13,7 +13,7 @@ const BESIDES: u64 = 31 + 4 + 16;
 /// # Errors
 /// If a pattern matches no signal of this run.
 pub fn largest(layout: &RecordLayout, steps: u64, choice: &Choice) -> Result<u64, String> {
-    let included = choice.kept(layout)?;
+    let included = choice.selected(layout)?;
     let signals = included.iter().filter(|included| **included).count();
     let words = layout.values_start() + signals + Timing::WORDS;
     let records = match (choice.every, choice.around_s) {

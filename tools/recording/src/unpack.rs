@@ -55,7 +55,7 @@ fn unpack(compression: &str, packed: &[u8], limit: usize, into: &mut Vec<u8>) ->
         "zstd" => zstd::stream::read::Decoder::with_buffer(packed)?
             .take(limit)
             .read_to_end(into),
-        other => Err(io::Error::other(format!("its compression is `{other}`"))),
+        other => Err(io::Error::other(format!("unknown compression `{other}`"))),
     };
     read.map(drop)
 }

@@ -83,8 +83,8 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
     let rung = bell.clone();
     let ring = move || rung.ring();
     let is_interrupted = || supervision.wants_stop() || supervision.is_peer_gone();
-    let found = hash(file).map_err(|error| format!("cannot read {}: {error}", file.display()))?;
-    if found != blake3 {
+    let actual = hash(file).map_err(|error| format!("cannot read {}: {error}", file.display()))?;
+    if actual != blake3 {
         let file = file.display();
         return Err(format!(
             "{file} was changed after the check, so it is not run; start again"
@@ -122,8 +122,8 @@ pub fn run(way: &Way, (file, blake3): (&Path, &str), folder: &Path) -> Result<u8
         .map_err(|e| format!("target {}: {e}", way.target))?;
     let address: Option<SocketAddr> = running.address.and_then(|address| address.parse().ok());
     let path = address.and_then(|address| DatagramPath::desk(address, seal).ok());
-    let told = session.write_file(&ready_file(known.epoch), &way.target.to_string());
-    told.map_err(described)?;
+    let result = session.write_file(&ready_file(known.epoch), &way.target.to_string());
+    result.map_err(described)?;
     let link = program::attach(&session, known.epoch, limit, &supervision)?;
     bell.is(link.bell());
     supervision.ring_at_news(link.bell());
@@ -211,7 +211,7 @@ impl Bridge {
             let passed = Event::Passed {
                 now_ns,
                 is_silent: now_ns.saturating_sub(self.heard_ns) > limit.ns(),
-                given: self.form.map(|_| self.desk.heard()),
+                delivered: self.form.map(|_| self.desk.received()),
             };
             match self.note(passed) {
                 Action::Finish(exit) => return self.finish(exit),
@@ -367,11 +367,11 @@ impl Bridge {
     }
 
     fn hear_channel(&mut self) -> Result<bool, String> {
-        let Some(heard) = self.contact.ear.next() else {
+        let Some(incoming) = self.contact.ear.next() else {
             return Ok(false);
         };
         self.heard_ns = monotonic_ns();
-        match heard {
+        match incoming {
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
                     self.take(packet, Carrier::Channel).map_err(described)?;

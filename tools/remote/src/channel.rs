@@ -63,7 +63,7 @@ impl<M: DeserializeOwned + Send + 'static> Ear<M> {
         seal: Option<Arc<Seal>>,
         ring: impl Fn() + Send + 'static,
     ) -> Self {
-        let (sender, heard) = sync_channel(HEARD);
+        let (sender, receiver) = sync_channel(HEARD);
         std::thread::spawn(move || {
             let mut reader = Reader {
                 from: BufReader::new(from),
@@ -82,7 +82,7 @@ impl<M: DeserializeOwned + Send + 'static> Ear<M> {
                 }
             }
         });
-        Self(heard)
+        Self(receiver)
     }
 
     /// Returns the next item, if there is one.
@@ -262,7 +262,7 @@ mod tests {
 
     const LONG: Duration = Duration::from_secs(20);
 
-    fn heard(ear: &Ear<String>) -> String {
+    fn text(ear: &Ear<String>) -> String {
         match ear.wait(LONG) {
             Some(Heard::Message(text)) => format!("message of {}", text.len()),
             Some(Heard::Part(part)) => format!("part of {}", part.len()),
@@ -296,7 +296,7 @@ mod tests {
             mouth.part(Vec::new());
             mouth.packet(&[2; 5]);
             drop(mouth);
-            let all: Vec<String> = (0..5).map(|_| heard(&ear)).collect();
+            let all: Vec<String> = (0..5).map(|_| text(&ear)).collect();
             let part = format!("part of {LONGEST_FRAME}");
             let expected = [
                 "message of 100000",
@@ -314,7 +314,7 @@ mod tests {
         let ([ours, _], [_, others]) = (seals(), seals());
         let (mouth, ear) = through(Some(ours), Some(others));
         mouth.say(&"a");
-        assert!(heard(&ear).starts_with("closed: authentication failed"));
+        assert!(text(&ear).starts_with("closed: authentication failed"));
     }
 
     #[test]
@@ -329,7 +329,7 @@ mod tests {
             let (mut one, other) = UnixStream::pair().expect("a pair");
             let ear: Ear<String> = Ear::listen(other, None, || ());
             one.write_all(garbage).expect("written");
-            assert!(heard(&ear).starts_with("closed: "), "{garbage:?}");
+            assert!(text(&ear).starts_with("closed: "), "{garbage:?}");
         }
     }
 }

@@ -335,8 +335,8 @@ mod tests {
         let program = folder.path().join("program");
         std::fs::write(&program, "short").expect("written");
         let (contact, agent) = contact();
-        for said in [ToDesk::Send, ToDesk::Taken, ToDesk::Taken] {
-            agent.say(&said);
+        for message in [ToDesk::Send, ToDesk::Taken, ToDesk::Taken] {
+            agent.say(&message);
         }
         let refused = contact.provide(&program, "0", &|| false);
         let message = refused.expect_err("refused").to_string();

@@ -37,7 +37,7 @@ struct Ends {
     /// Highest number of this end's frames received by the other end.
     answered: u64,
     /// Highest number of the other end's frames passed to the peer here.
-    heard: u64,
+    received: u64,
 }
 
 impl Ends {
@@ -64,14 +64,14 @@ impl Ends {
     }
 
     fn packet(&self, bytes: &mut Vec<u8>) {
-        let unheard = self.own.as_ref().filter(|_| !self.is_heard());
-        write(self.heard, unheard, bytes);
+        let unreceived = self.own.as_ref().filter(|_| !self.is_heard());
+        write(self.received, unreceived, bytes);
     }
 
     /// Records a number received by the other end; ignores numbers that were never sent.
-    fn note(&mut self, heard: u64) {
-        if heard <= self.said() && heard > self.answered {
-            self.answered = heard;
+    fn note(&mut self, received: u64) {
+        if received <= self.said() && received > self.answered {
+            self.answered = received;
         }
     }
 }
@@ -193,21 +193,21 @@ impl DeskEnd {
         if is_first || !self.is_passing() {
             self.ends.packet(bytes);
         } else {
-            write(self.ends.heard, None, bytes);
+            write(self.ends.received, None, bytes);
         }
     }
 
     /// Processes a packet of the target; returns its frame if the frame must be passed to the plant.
     pub fn take(&mut self, packet: Packet, now_ns: u64) -> Option<Numbered> {
-        self.ends.note(packet.heard);
+        self.ends.note(packet.received);
         let frame = packet
             .frame
-            .filter(|frame| frame.number > self.ends.heard)?;
+            .filter(|frame| frame.number > self.ends.received)?;
         // A frame of the target answers the desk's frame that it has received.
         if !self.ends.is_heard() && self.wants_answer {
             return None;
         }
-        self.ends.heard = frame.number;
+        self.ends.received = frame.number;
         if let Sent::Once { at_ns } = self.sent {
             self.trips.note(now_ns.saturating_sub(at_ns));
         }
@@ -216,8 +216,8 @@ impl DeskEnd {
     }
 
     /// Returns the number of the last frame passed to the plant.
-    pub(crate) const fn heard(&self) -> u64 {
-        self.ends.heard
+    pub(crate) const fn received(&self) -> u64 {
+        self.ends.received
     }
 
     /// Returns `true` while the plant's latest frame is unanswered.
@@ -234,7 +234,7 @@ pub struct TargetEnd {
     /// Steps of the last known answer and of the one before it, if known.
     answers: [Option<u64>; 2],
     /// Steps of the last two samples passed to the controller.
-    given: [Option<u64>; 2],
+    delivered: [Option<u64>; 2],
 }
 
 impl TargetEnd {
@@ -245,13 +245,13 @@ impl TargetEnd {
             ends: Ends::default(),
             against_clock,
             answers: [None; 2],
-            given: [None; 2],
+            delivered: [None; 2],
         }
     }
 
     /// Returns `true` if a frame is newer than those passed to the controller.
     pub(crate) const fn is_news(&self, frame: &Numbered) -> bool {
-        frame.number > self.ends.heard
+        frame.number > self.ends.received
     }
 
     /// Processes a packet of the desk; returns its frame if the frame must be passed to the controller. Otherwise the
@@ -260,14 +260,14 @@ impl TargetEnd {
     /// In real time the caller must just have polled the controller's latest frame and [passed it on](Self::say): if
     /// there was none, at most one of the samples passed since its last answer can be in progress.
     pub fn take(&mut self, packet: Packet) -> Option<Numbered> {
-        self.ends.note(packet.heard);
+        self.ends.note(packet.received);
         let frame = packet.frame.filter(|frame| self.is_news(frame))?;
         if self.against_clock && !self.is_seen(&frame.header) {
             return None;
         }
-        self.ends.heard = frame.number;
+        self.ends.received = frame.number;
         if frame.header.kind() == Some(FrameKind::Sample) {
-            self.given = [Some(frame.header.step), self.given[0]];
+            self.delivered = [Some(frame.header.step), self.delivered[0]];
         }
         Some(frame)
     }
@@ -279,7 +279,7 @@ impl TargetEnd {
     /// sample replaces it: with two such samples, the answer to this one can be the third from now.
     fn is_seen(&self, sample: &Header) -> bool {
         let [last, last_but_one] = self.answers;
-        let are_two_open = self.given[1] > last;
+        let are_two_open = self.delivered[1] > last;
         let needed = if are_two_open { last } else { last_but_one };
         let Some(answer) = needed else {
             return true;
@@ -310,8 +310,8 @@ impl TargetEnd {
     }
 
     /// Returns the number of the last frame passed to the controller.
-    pub(crate) const fn heard(&self) -> u64 {
-        self.ends.heard
+    pub(crate) const fn received(&self) -> u64 {
+        self.ends.received
     }
 
     /// Returns the number of the controller's last frame.

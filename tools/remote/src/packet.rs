@@ -18,7 +18,7 @@ pub struct Numbered {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Packet {
     /// Highest number of the other end's frames that were passed to the peer; 0 for none.
-    pub heard: u64,
+    pub received: u64,
     /// Latest frame of this end, if the other end has not received it.
     pub frame: Option<Numbered>,
 }
@@ -27,10 +27,13 @@ impl Packet {
     /// Parses a packet.
     #[must_use]
     pub fn read(bytes: &[u8]) -> Option<Self> {
-        let (heard, rest) = number(bytes)?;
+        let (received, rest) = number(bytes)?;
         let (own, rest) = number(rest)?;
         if own == 0 {
-            return rest.is_empty().then_some(Self { heard, frame: None });
+            return rest.is_empty().then_some(Self {
+                received,
+                frame: None,
+            });
         }
         let (header, rest) = Header::read_from_prefix(rest).ok()?;
         let count = usize::from(header.count);
@@ -44,7 +47,7 @@ impl Packet {
             header,
             values: values.ok()?,
         });
-        Some(Self { heard, frame })
+        Some(Self { received, frame })
     }
 }
 
@@ -68,9 +71,9 @@ impl Form {
 }
 
 /// Writes a packet.
-pub(crate) fn write(heard: u64, frame: Option<&Numbered>, bytes: &mut Vec<u8>) {
+pub(crate) fn write(received: u64, frame: Option<&Numbered>, bytes: &mut Vec<u8>) {
     bytes.clear();
-    bytes.extend(heard.to_le_bytes());
+    bytes.extend(received.to_le_bytes());
     bytes.extend(frame.map_or(0, |frame| frame.number).to_le_bytes());
     if let Some(frame) = frame {
         bytes.extend(frame.header.as_bytes());
@@ -92,13 +95,13 @@ mod tests {
 
     fn written(packet: &Packet) -> Vec<u8> {
         let mut bytes = vec![7];
-        write(packet.heard, packet.frame.as_ref(), &mut bytes);
+        write(packet.received, packet.frame.as_ref(), &mut bytes);
         bytes
     }
 
     fn full() -> Packet {
         Packet {
-            heard: 3,
+            received: 3,
             frame: Some(Numbered {
                 number: 9,
                 header: Header {
@@ -116,7 +119,7 @@ mod tests {
         for packet in [
             full(),
             Packet {
-                heard: u64::MAX,
+                received: u64::MAX,
                 frame: None,
             },
         ] {

@@ -217,11 +217,11 @@ impl TargetRoute {
     }
 
     /// Returns the carriers of the controller's answer to the frame with this number.
-    pub(crate) fn of_answer(&self, heard: u64, now_ns: u64) -> Carriers {
+    pub(crate) fn of_answer(&self, received: u64, now_ns: u64) -> Carriers {
         let is_proven = self.hears_datagrams(now_ns);
         Carriers {
             datagram: is_proven,
-            channel: !is_proven || self.copied >= Some(heard),
+            channel: !is_proven || self.copied >= Some(received),
         }
     }
 }

@@ -64,7 +64,7 @@ struct Member {
     /// `true` once the controller was told that the run is over.
     is_told_of_end: bool,
     /// Request that caused the controller's start.
-    asked: Option<Requester>,
+    requester: Option<Requester>,
 }
 
 impl Member {
@@ -85,7 +85,7 @@ impl Member {
             is_announced: epoch == 1,
             plant_told_at: None,
             is_told_of_end: false,
-            asked: None,
+            requester: None,
         }
     }
 }
@@ -341,7 +341,7 @@ impl Controllers {
         match self.add(session, binary, job, set) {
             Ok(_) => {
                 if let Some(member) = self.members.last_mut() {
-                    member.asked = Some(Requester { answer, left_out });
+                    member.requester = Some(Requester { answer, left_out });
                 }
             }
             Err(failure) => {
@@ -391,7 +391,7 @@ impl Controllers {
         };
         let requester = match change {
             ControllerFate::Lost { .. } => None,
-            _ => member.asked.take(),
+            _ => member.requester.take(),
         };
         let result = match change {
             ControllerFate::Lost { .. } => {

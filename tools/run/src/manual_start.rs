@@ -116,11 +116,11 @@ fn tell_command(prepared: &PreparedRun, role: Side, program: &Path) -> Result<()
     let (side, limit_s) = (role.name(), prepared.settings.wait_limit_s);
     let limit = if limit_s.is_finite() {
         format!(
-            "after hello the run waits at most {} for it; use --wait-limit inf with a debugger",
+            "after hello the run waits at most {} for each answer; use --wait-limit inf with a debugger",
             exact_in(limit_s, "s")
         )
     } else {
-        "a debugger may stop it for any length of time".to_owned()
+        "a debugger may stop the program for any length of time".to_owned()
     };
     tell!(
         "{side}: waits to be started by hand, in another terminal (Ctrl-C ends the wait); {limit}\n  {command}"

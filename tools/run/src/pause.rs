@@ -18,7 +18,7 @@ pub(super) struct PauseLookout {
     next_step: u64,
     /// Time of the latest record.
     since: SystemTime,
-    asked: Instant,
+    requested_at: Instant,
     is_known: bool,
 }
 
@@ -27,7 +27,7 @@ impl PauseLookout {
         Self {
             next_step: 0,
             since: SystemTime::now(),
-            asked: Instant::now(),
+            requested_at: Instant::now(),
             is_known: false,
         }
     }
@@ -40,7 +40,7 @@ impl PauseLookout {
                 next_step,
                 ..Self::new()
             };
-        } else if !self.is_known && self.asked.elapsed() > QUIET {
+        } else if !self.is_known && self.requested_at.elapsed() > QUIET {
             // A plant that has not begun, or is busy, answers later.
             if let Ok(Response::Status(status)) = live::ask(session, &Request::Status, ANSWER_LIMIT)
             {
@@ -49,7 +49,7 @@ impl PauseLookout {
                     progress.tell_pause(status.step, self.since, &session.name);
                 }
             }
-            self.asked = Instant::now();
+            self.requested_at = Instant::now();
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Preparation of a run: the checks that need its plan, its session, its folder and its jobs.
 //!
-//! No side runs yet, except that both programs check their jobs.
+//! Neither side runs yet; the two programs only check their jobs.
 
 use std::path::Path;
 use std::time::SystemTime;

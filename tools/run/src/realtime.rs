@@ -28,7 +28,7 @@ const DMA_LATENCY: &str = "/dev/cpu_dma_latency";
 
 /// Real-time settings of a run in progress.
 pub(super) struct Watched {
-    asked: plan::Realtime,
+    requested: plan::Realtime,
     session: SessionInfo,
     plant: Option<Report>,
     controller: Option<Report>,
@@ -44,18 +44,18 @@ pub(super) struct Watched {
 /// Core of the recorder's thread, which moves to that core by itself.
 #[derive(Clone)]
 pub(crate) struct RecorderCore {
-    asked: Option<u32>,
+    requested: Option<u32>,
     granted: Arc<OnceLock<Granted<Option<u32>>>>,
 }
 
 impl RecorderCore {
     /// Moves the calling thread to the core.
     pub(crate) fn apply(&self) {
-        let pinned = self.asked.map_or(Ok(()), pin);
+        let pinned = self.requested.map_or(Ok(()), pin);
         let refused = pinned.err().map(|error| error.to_string());
         let core = only_core();
-        let asked = self.asked.or(core);
-        let _ = self.granted.set(Granted::new(asked, core, refused)); // applied once
+        let requested = self.requested.or(core);
+        let _ = self.granted.set(Granted::new(requested, core, refused)); // applied once
     }
 }
 
@@ -64,22 +64,26 @@ impl RecorderCore {
 /// # Errors
 /// If a core cannot be used; the error names the setting and the available cores.
 pub fn check(
-    asked: &plan::Realtime,
+    requested: &plan::Realtime,
     link: LinkKind,
     target: Option<&Reached>,
 ) -> Result<(), Failure> {
     // The cores of a target are not this machine's: settings it refuses are reported during the run.
-    let controller_core = asked.controller_core.filter(|_| target.is_none());
-    if asked.priority == 0
-        && [asked.plant_core, asked.controller_core, asked.recorder_core] == [None; 3]
+    let controller_core = requested.controller_core.filter(|_| target.is_none());
+    if requested.priority == 0
+        && [
+            requested.plant_core,
+            requested.controller_core,
+            requested.recorder_core,
+        ] == [None; 3]
     {
         return Ok(());
     }
     let cores = Cores::choose(&Root::machine(), None)?;
     for (key, core) in [
-        ("plant_core", asked.plant_core),
+        ("plant_core", requested.plant_core),
         ("controller_core", controller_core),
-        ("recorder_core", asked.recorder_core),
+        ("recorder_core", requested.recorder_core),
     ] {
         let Some(core) = core else { continue };
         // Trying is the only way to know: a container may have fewer cores than the machine.
@@ -93,13 +97,15 @@ pub fn check(
     }
     let are_both_here = target.is_none_or(Reached::is_here);
     let loops = match link {
-        LinkKind::Iceoryx2 if are_both_here => vec![asked.plant_core, asked.controller_core],
+        LinkKind::Iceoryx2 if are_both_here => {
+            vec![requested.plant_core, requested.controller_core]
+        }
         // One thread runs both sides with the settings of the plant.
-        LinkKind::Iceoryx2 | LinkKind::InProcess => vec![asked.plant_core],
+        LinkKind::Iceoryx2 | LinkKind::InProcess => vec![requested.plant_core],
     };
-    if asked.priority > 0 && may_take_all(&loops, &cores.allowed) {
+    if requested.priority > 0 && may_take_all(&loops, &cores.allowed) {
         let cores = &cores.allowed;
-        let priority = asked.priority;
+        let priority = requested.priority;
         let loops = if are_both_here {
             "plant and controller"
         } else {
@@ -111,7 +117,7 @@ pub fn check(
         };
         tell!(
             "warning: at priority {priority} {loops} may take all cores ({cores}); {others} then run only where a loop \
-             sleeps or the kernel steps in. Leave them a core, or take --priority 0"
+             sleeps or the kernel steps in. Leave a core to them, or use --priority 0"
         );
     }
     Ok(())
@@ -126,9 +132,9 @@ fn may_take_all(loops: &[Option<u32>], allowed: &CoreList) -> bool {
 
 impl Watched {
     /// Applies the settings of `hil` itself.
-    pub(crate) fn begin(asked: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
+    pub(crate) fn begin(requested: plan::Realtime, link: LinkKind, session: &SessionInfo) -> Self {
         let mut refusals = Refusals::default();
-        let (granted, reason, held) = match asked.dma_latency_us.map(hold_latency) {
+        let (granted, reason, held) = match requested.dma_latency_us.map(hold_latency) {
             None => (None, None, None),
             // It may be lower than requested, if another process needs that.
             Some(Ok((granted, held))) => (Some(granted), None, Some(held)),
@@ -140,7 +146,7 @@ impl Watched {
             }
         };
         Self {
-            asked,
+            requested,
             session: session.clone(),
             plant: None,
             controller: None,
@@ -148,10 +154,10 @@ impl Watched {
             refusals,
             has_told_sides: false,
             recorder: RecorderCore {
-                asked: asked.recorder_core,
+                requested: requested.recorder_core,
                 granted: Arc::default(),
             },
-            dma_latency_us: Granted::new(asked.dma_latency_us, granted, reason),
+            dma_latency_us: Granted::new(requested.dma_latency_us, granted, reason),
             _dma_latency: held,
         }
     }
@@ -196,9 +202,9 @@ impl Watched {
 
     /// Reports the remaining refusals; returns the settings as requested and as granted.
     pub(crate) fn end(mut self) -> Realtime {
-        let asked = self.asked.recorder_core;
+        let requested = self.requested.recorder_core;
         let core = self.recorder.granted.get().cloned();
-        let core = core.unwrap_or_else(|| Granted::new(asked, None, None));
+        let core = core.unwrap_or_else(|| Granted::new(requested, None, None));
         if let Some(reason) = core.refusal(&None) {
             self.refusals.add("recorder", "core", reason, None);
         }
@@ -206,7 +212,7 @@ impl Watched {
             output::tell(&refused);
         }
         Realtime {
-            wait: (self.plant.as_ref()).map_or(self.asked.wait, |plant| plant.wait.granted),
+            wait: (self.plant.as_ref()).map_or(self.requested.wait, |plant| plant.wait.granted),
             plant: self.plant,
             controller: self.controller,
             recorder: Recorder { core },

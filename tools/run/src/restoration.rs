@@ -142,6 +142,9 @@ impl SecondSides<'_> {
             session: session.id,
             faults: plan.faults.iter().chain(live).cloned().collect(),
             pause_at_s: None,
+            // Long tables are in the run's folder; the session from which the run read them is gone.
+            stimuli: plan.stimuli.clone(),
+            derived: plan.definitions(),
             // Accepts no live requests.
             is_kept: true,
             checkpoints: checkpoints(Side::Plant),

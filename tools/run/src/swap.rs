@@ -14,6 +14,7 @@ use hil_config::plan::{ControllerPlan, Permissions, Plan};
 use hil_config::scenario::{Advice, Scenario};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
+use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::programs::binaries::reached::Reached;
 use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::{self, kept};
@@ -224,7 +225,7 @@ impl SwapContext {
         }
         let effective = scenario::show(&self.plan, &self.binaries)?;
         let mut document = kept(&effective).map_err(Failure::infrastructure)?;
-        let is_fmu = binary.host.is_some();
+        let is_fmu = { binary.host.as_ref() }.is_some_and(|host| host.kind == ModelKind::Fmu);
         let set_for_fmu = set
             .iter()
             .find(|set| keys_of_fmus().any(|key| is_at(set, key)));

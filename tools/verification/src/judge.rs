@@ -28,7 +28,7 @@ pub struct Judgement {
     verdict: RunVerdict,
     /// Outcome of the run, in one word; null if its recording is truncated.
     outcome: Option<Outcome>,
-    /// Reason, if the run did not end by itself; null if unknown.
+    /// Reason why the run ended early; null if it did not, or if the reason is unknown.
     reason: Option<String>,
     records: u64,
     metrics: Vec<Metric>,
@@ -105,9 +105,12 @@ impl Judgement {
             Some(Outcome::Completed) => {}
             Some(outcome) => {
                 let outcome = outcome.name();
-                writeln!(text, "  the run has {outcome}: no verdict can be pass")?;
+                writeln!(text, "  the run has {outcome}, so no verdict can be pass")?;
             }
-            None => writeln!(text, "  the recording was cut off: no verdict can be pass")?,
+            None => writeln!(
+                text,
+                "  the recording was cut off, so no verdict can be pass"
+            )?,
         }
         if let Some(reason) = &self.reason {
             writeln!(text, "  {reason}")?;

@@ -309,7 +309,7 @@ fn cleared(id: u32, log: &FaultLog) -> Option<Step> {
 }
 
 fn begun_effects(id: u32, log: &FaultLog) -> impl Iterator<Item = &FaultBegun> {
-    log.taken.iter().filter(move |effect| effect.id == id)
+    log.begun.iter().filter(move |effect| effect.id == id)
 }
 
 /// Keeps the effects of a cleared event that had begun; returns `true` if there are any.

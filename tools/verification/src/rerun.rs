@@ -20,6 +20,9 @@ use crate::arguments::tolerance::Tolerances;
 use crate::compare::{self, Difference};
 use crate::repetition::RecordedScenario;
 
+/// Warning about a port whose file says so.
+const NOT_REPEATABLE: &str = "the far end of the port keeps a clock of its own (`repeatable = false`), so the digest of this run will differ";
+
 /// Runs the command.
 ///
 /// # Errors
@@ -83,6 +86,9 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
                 "warning: {path} is not the binary of the recorded run: its hash is {hash}, but was {before}"
             );
         }
+    }
+    if !binaries.controller.is_repeatable() {
+        tell!("warning: {NOT_REPEATABLE}");
     }
     let text = recorded.scenario()?;
     let scenario = Scenario::parse(&text, format!("the scenario of {run_text}")).map(|scenario| {

@@ -118,9 +118,9 @@ pub fn table(
 }
 
 /// Returns the format of the table: the requested format, or else the one that the file's extension implies.
-fn format(asked: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportFormat, Failure> {
-    let (None, Some(path)) = (asked, path) else {
-        return Ok(asked.unwrap_or(ExportFormat::Csv));
+fn format(choice: Option<ExportFormat>, path: Option<&Path>) -> Result<ExportFormat, Failure> {
+    let (None, Some(path)) = (choice, path) else {
+        return Ok(choice.unwrap_or(ExportFormat::Csv));
     };
     let ending = path.extension().and_then(|ending| ending.to_str());
     let formats = [ExportFormat::Csv, ExportFormat::Parquet];

@@ -117,8 +117,8 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
 
 /// Gives the model the latest record of a paused run, because the stream delivers none until the run resumes.
 fn show_newest(session: &SessionInfo, model: &SharedModel) {
-    let asked = hil_session::live::ask(session, &Request::Record, LOOK * 50);
-    if let Ok(Response::Record { layout, words }) = asked {
+    let response = hil_session::live::ask(session, &Request::Record, LOOK * 50);
+    if let Ok(Response::Record { layout, words }) = response {
         let mut model = model.lock();
         let is_fit = words.len() == layout.words() && model.drawn().next().is_some();
         if is_fit && model.seen().is_none() {

@@ -112,7 +112,7 @@ pub struct Choice<'a> {
     /// Runs, at least one.
     pub subjects: &'a [Subject<'a>],
     /// Additional signals requested on the command line.
-    pub asked: &'a [Pattern],
+    pub patterns: &'a [Pattern],
     /// Values, if they were read.
     pub values: Option<&'a dyn Values>,
 }
@@ -143,7 +143,7 @@ pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
         plots: Vec::new(),
     };
     chooser.figures();
-    chooser.asked();
+    chooser.add_matches();
     chooser.requirements();
     chooser.tracking();
     chooser.derived();
@@ -250,8 +250,8 @@ impl<'a> Chooser<'a> {
         }
     }
 
-    fn asked(&mut self) {
-        for pattern in self.choice.asked {
+    fn add_matches(&mut self) {
+        for pattern in self.choice.patterns {
             let matches = |one: &&Signal<'_>| pattern.matches(one.column);
             let signals = self.signals.iter().filter(matches).copied().collect();
             self.together("Signals asked for", signals, |one| one.unit);

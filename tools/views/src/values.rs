@@ -83,7 +83,11 @@ fn tunable(arguments: &GetArguments) -> Result<Exit, Failure> {
             (true, None) => "changed".into(),
             (true, Some(step)) => format!("to {} at step {step}", exact(one.target)),
         };
-        table.row(&[&one.key, &exact(one.value), &unit_shown(&one.unit), &note]);
+        let value = match one.value.is_nan() {
+            true => "not set".into(),
+            false => exact(one.value),
+        };
+        table.row(&[&one.key, &value, &unit_shown(&one.unit), &note]);
     }
     output::write(&table.to_string())?;
     Ok(Exit::Pass)

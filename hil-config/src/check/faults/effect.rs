@@ -112,7 +112,7 @@ impl Event<'_> {
         }
         let begin_s = begin_s.unwrap_or_else(|| grid.rate.seconds(Step(earliest + steps)));
         let path = section.path_of(key);
-        let message = format!("`{path}`: at {} s the run is over", number(begin_s));
+        let message = format!("`{path}`: the run is already over at {} s", number(begin_s));
         let last_s = number(grid.rate.seconds(last));
         reader
             .report_at(section, key, ProblemKind::OutOfRange, message)

@@ -4,10 +4,10 @@ use std::collections::HashMap;
 
 use super::Origin;
 use super::span::Reported;
-use crate::check::is_title;
 use crate::document::Value;
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
+use crate::title::is_title;
 
 /// Events that `after` can refer to.
 #[derive(Debug)]
@@ -77,8 +77,8 @@ impl<'a> Names<'a> {
         };
         match &entry.node.value {
             Value::Text(name) => {
-                let found = self.by_name.get(name.as_str());
-                found.copied().ok_or_else(|| {
+                let id = self.by_name.get(name.as_str());
+                id.copied().ok_or_else(|| {
                     let message = format!("there is no fault event `{name}`");
                     reader
                         .report(ProblemKind::UnknownName, path, &entry.node.place, message)
@@ -89,8 +89,8 @@ impl<'a> Names<'a> {
             }
             Value::Integer(number) => {
                 let id = u32::try_from(*number).ok();
-                let found = id.filter(|id| (1..=self.last_id).contains(id));
-                found.ok_or_else(|| {
+                let valid = id.filter(|id| (1..=self.last_id).contains(id));
+                valid.ok_or_else(|| {
                     let message = format!("there is no fault event {number}");
                     reader
                         .report(ProblemKind::UnknownName, path, &entry.node.place, message)

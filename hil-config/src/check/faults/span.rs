@@ -101,7 +101,7 @@ impl Keys {
             let expected = format!("a step from 0 to {last}, which is at {last_s} s");
             (format!("step {step}"), expected)
         };
-        let message = format!("`{path}`: at {when} the run is over");
+        let message = format!("`{path}`: the run is already over at {when}");
         reader
             .report_at(section, key, ProblemKind::OutOfRange, message)
             .expected(expected);

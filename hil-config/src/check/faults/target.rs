@@ -155,6 +155,14 @@ const fn names_of(acts_on: ActsOn) -> &'static [&'static str] {
     }
 }
 
+/// Both networks of each direction of the link.
+const NETWORKS: [&str; 4] = [
+    "link.sample.a",
+    "link.sample.b",
+    "link.command.a",
+    "link.command.b",
+];
+
 /// All kinds of targets.
 const ANY: [ActsOn; 3] = [ActsOn::Numbers, ActsOn::Links, ActsOn::Sides];
 
@@ -191,7 +199,16 @@ pub(super) fn of_kind(
     name: &str,
 ) -> Option<Target> {
     let acts_on = kind.acts_on;
-    if names_of(acts_on).contains(&name) {
+    let is_network = acts_on == ActsOn::Links && NETWORKS.contains(&name);
+    if is_network && context.networks < 2 {
+        let message = format!("`{name}` is one of two networks, and this run has one");
+        reader
+            .report_at(section, "target", ProblemKind::Mismatch, message)
+            .expected("`link.sample` or `link.command`")
+            .help("`redundancy = 2` in `[bus]` makes two networks");
+        return None;
+    }
+    if is_network || names_of(acts_on).contains(&name) {
         return Some(Target {
             name: name.into(),
             unit: "1".into(),
@@ -252,7 +269,10 @@ pub(super) fn of_kind(
     if !is_fixed {
         problem.nearest = columns.nearest(name);
     }
-    if group == Group::Input {
+    let advice = context.advice.on(name);
+    if let Some(help) = advice {
+        problem.help(help);
+    } else if group == Group::Input {
         problem.help(format!(
             "[[stimuli]] with target = \"{PLANT_TARGET}{last}\" drives an input; one without a course cannot be faulted"
         ));
@@ -269,7 +289,9 @@ fn refuse(
     name: &str,
 ) {
     let acts_on = kind.acts_on;
-    let exists = parts(name).is_some() || ANY.iter().any(|all| names_of(*all).contains(&name));
+    let exists = parts(name).is_some()
+        || NETWORKS.contains(&name)
+        || ANY.iter().any(|all| names_of(*all).contains(&name));
     let (sort, message) = if exists {
         (
             ProblemKind::Mismatch,
@@ -288,11 +310,17 @@ fn refuse(
         let possible = Columns::named(possible(context, acts_on));
         problem.nearest = possible.nearest(name);
     }
+    if let Some(help) = context.advice.on(name) {
+        problem.help(help);
+    }
 }
 
 /// Lists all valid targets of a kind, as far as known.
 fn possible(context: &EventContext<'_>, acts_on: ActsOn) -> Vec<String> {
     let mut names: Vec<String> = names_of(acts_on).iter().map(|&name| name.into()).collect();
+    if acts_on == ActsOn::Links && context.networks == 2 {
+        names.extend(NETWORKS.map(Into::into));
+    }
     for group in groups_of(acts_on) {
         let fields = fields(context, *group).unwrap_or_default();
         let of_group = fields

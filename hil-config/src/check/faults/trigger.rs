@@ -162,13 +162,13 @@ fn in_time(
     let key = DELAY.given(reader, section)?.unwrap_or("after");
     let path = section.path_of(key);
     let message = format!(
-        "`{path}`: at {} s, the earliest possible time, the run is over",
+        "`{path}`: the run is already over at {} s, the earliest possible time",
         number(grid.rate.seconds(Step(step)))
     );
     reader
         .report_at(section, key, ProblemKind::OutOfRange, message)
         .expected(format!(
-            "that the fault takes effect by {} s, step {}",
+            "a fault that takes effect by {} s, step {}",
             number(grid.rate.seconds(Step(grid.steps - 1))),
             grid.steps - 1
         ));

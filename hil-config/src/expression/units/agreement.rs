@@ -57,11 +57,11 @@ pub(super) fn refuse_converted(a: &Unit<'_>, b: &Unit<'_>) -> Result<(), Mixed> 
     let (number, unit, name) = (&quantity.text, quantity.unit.coherent(), source.text());
     let message = if has_unit {
         format!(
-            "`{number}` counts in {unit}, and a number scales `{name}`, which may convert it to another unit; scale `{number}` instead, write a plain number, or make it a derived signal with its `unit`"
+            "`{number}` is taken in {unit}, but a number scales `{name}`, perhaps to convert the signal to another unit; scale `{number}` instead, write a plain number, or define a derived signal with a `unit`"
         )
     } else {
         format!(
-            "`{number}` counts in {unit}, and `{name}` may count in another unit, because a number scales it and it has no unit; give the derived signal its `unit`, or write a plain number in that unit"
+            "`{number}` is taken in {unit}, but the derived signal `{name}` has no `unit` and is scaled by a number, perhaps to convert it to another unit; give the signal a `unit`, or write a plain number in that unit"
         )
     };
     let span = quantity.span.clone();
@@ -157,13 +157,13 @@ fn fitting(quantity: &Quantity, symbol: &str, other: &Source<'_>) -> Result<(), 
     match quantity.unit.conversion_to(&unit) {
         Some(_) if unit.is_coherent() => Ok(()),
         Some(conversion) if conversion.offset != 0.0 => Err(format!(
-            "numbers with units count in {}, so write a plain number in {symbol}: `{:?}` for a temperature, `{:?}` for a difference",
+            "numbers with units are taken in {}, so write a plain number in {symbol}: `{:?}` for a temperature, `{:?}` for a difference",
             quantity.unit.coherent(),
             conversion.apply(quantity.written),
             conversion.factor * quantity.written
         )),
         Some(conversion) => Err(format!(
-            "numbers with units count in {}, so write a plain number in {symbol}: `{:?}`",
+            "numbers with units are taken in {}, so write a plain number in {symbol}: `{:?}`",
             quantity.unit.coherent(),
             conversion.apply(quantity.written)
         )),

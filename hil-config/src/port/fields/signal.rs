@@ -155,7 +155,7 @@ pub(super) fn number(
     } else {
         "dbc_signal"
     };
-    let message = format!("the number of `{name}` does not fit: {unfit}");
+    let message = format!("the encoding of `{name}` is invalid: {unfit}");
     reader
         .report_at(own, key, ProblemKind::OutOfRange, message)
         .expected(expected);
@@ -200,7 +200,7 @@ fn conversions(
     let both = wire.conversion_to(&signal).zip(signal.conversion_to(&wire));
     let Some((mut to_signal, mut to_wire)) = both else {
         let message = format!(
-            "`{}` is in {signal_unit}, and the wire in {unit}",
+            "`{}` is in {signal_unit}, but its field is in {unit}",
             named.signal
         );
         reader

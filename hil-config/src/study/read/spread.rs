@@ -1,5 +1,7 @@
 //! Spreads of the varied values: distributions, lists, grids and expressions.
 
+use shared_types::number::counted;
+
 use super::super::{Item, Spread};
 use crate::document::Value;
 use crate::expression::{Columns, Expression};
@@ -34,7 +36,7 @@ pub(super) fn spread(
                         own,
                         "max",
                         ProblemKind::OutOfRange,
-                        "no lognormal value is that small",
+                        "a lognormal value is above 0, but `max` is not",
                     )
                     .expected("max above 0");
                 return None;
@@ -102,7 +104,7 @@ pub(super) fn whole(
                         format!("a point of the grid is {text}, but only whole numbers are valid");
                     reader
                         .report_at(own, "points", ProblemKind::OutOfRange, message)
-                        .help("choose points with whole distances, or write a list");
+                        .help("choose points at whole-number distances, or write a list");
                     return None;
                 }
                 items.push(Item::Number(nearest, format!("{:.0}", nearest + 0.0)));
@@ -175,7 +177,7 @@ fn values(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
         let is_other =
             |first: &Item| std::mem::discriminant(first) != std::mem::discriminant(&item);
         if items.first().is_some_and(is_other) {
-            reader.wrong_type(&path, node, "a value of the type of the first");
+            reader.wrong_type(&path, node, "a value of the same type as the first");
             return None;
         }
         if items.contains(&item) {
@@ -186,7 +188,10 @@ fn values(reader: &mut Reader, own: &Section<'_>) -> Option<Vec<Item>> {
         items.push(item);
     }
     if items.len() < 2 {
-        let message = format!("`{path}` has {} values: nothing varies", items.len());
+        let message = format!(
+            "`{path}` has {}, so nothing varies",
+            counted(items.len() as u64, "value")
+        );
         reader
             .report_at(own, "values", ProblemKind::OutOfRange, message)
             .expected("at least two values");
@@ -257,7 +262,7 @@ fn expression(reader: &mut Reader, own: &Section<'_>, columns: &Columns) -> Opti
                 message,
             )
             .expected(format!(
-                "numbers that are varied before it: {}",
+                "numbers that are varied before this one: {}",
                 listed(names)
             ));
     }

@@ -6,16 +6,18 @@
 //! 4. [`coupling`] adds shares of other signals;
 //! 5. [`hold`] shows the past: stuck, stuck-at, delay, sample and hold, dropout;
 //! 6. [`lag`] smooths a number: lags of first and second order;
-//! 7. [`drive`] follows as a drive does: rate limit, dead band, backlash;
+//! 7. [`drive`] makes a number follow its target as a drive would: rate limit, dead band, backlash;
 //! 8. [`shape`] distorts a number: quantisation, saturation;
 //! 9. [`link`] acts on messages: loss, delay, jitter, duplication, reordering, corruption;
-//! 10. [`timing`] acts on time: late, skip.
+//! 10. [`babble`] floods a network;
+//! 11. [`timing`] acts on time: late, skip.
 //!
 //! The kinds that act on numbers are also the stages of [instruments](crate::instruments).
 //!
 //! The fault builder starts the kinds by name, and the layer calls them; the kinds depend on neither. `docs/faults.md`
 //! is the reference for users.
 
+pub mod babble;
 pub mod coupling;
 pub mod drive;
 pub mod hold;
@@ -64,6 +66,7 @@ pub fn all() -> Vec<FaultKindEntry> {
         FaultKindEntry::of::<link::Duplication>(),
         FaultKindEntry::of::<link::Reordering>(),
         FaultKindEntry::of::<link::Corruption>(),
+        FaultKindEntry::of::<babble::Babble>(),
         FaultKindEntry::of::<timing::Late>(),
         FaultKindEntry::of::<timing::Skip>(),
     ]

@@ -132,13 +132,13 @@ fn nothing_happens_while_the_profile_is_0() {
         let description = &entry.description;
         let kind = &description.kind;
         let owned = sample(description);
-        let given: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
+        let values: Vec<(&str, f64)> = owned.iter().map(|(n, v)| (n.as_str(), *v)).collect();
         // Places of signals and their factors; every other list may be left out.
         let list: &[f64] = match kind.as_str() {
             "cross-coupling" => &[2.0, 0.5],
             _ => &[],
         };
-        let mut fault = start(kind, &given, list);
+        let mut fault = start(kind, &values, list);
         for (since, x) in (0..).zip([0.3, -1e9, 5.0, 1e-9]) {
             let at = moment(since, 0.0);
             let row = [x, 7.0, 0.0, 0.0];
@@ -243,5 +243,5 @@ fn every_kind_has_a_name_of_its_own_and_defaults_in_range() {
         }
         names.push(description.kind);
     }
-    assert_eq!(names.len(), 30);
+    assert_eq!(names.len(), 31);
 }

@@ -21,7 +21,7 @@ shared_types::table! {
 pub struct GaussMarkov {
     standard_deviation: f64,
     /// Share of the value that remains after a step, `exp(-dt / T)`.
-    kept: f64,
+    decay: f64,
     /// Standard deviation of the random part added in a step.
     fresh: f64,
     random: Option<RandomStream>,
@@ -50,7 +50,7 @@ impl FaultKind for GaussMarkov {
         let steps = setup.rate.period_s() / time_constant_s;
         Ok(Self {
             standard_deviation,
-            kept: libm::exp(-steps),
+            decay: libm::exp(-steps),
             fresh: standard_deviation * (-libm::expm1(-2.0 * steps)).sqrt(),
             random: None,
             value: None,
@@ -65,9 +65,9 @@ impl FaultKind for GaussMarkov {
         let random = self.random.as_mut();
         let b = match self.value {
             // Drawn once and for all.
-            Some(b) if self.fresh == 0.0 => b * self.kept,
+            Some(b) if self.fresh == 0.0 => b * self.decay,
             Some(b) => {
-                self.kept * b + self.fresh * random.map_or(0.0, RandomStream::normal_by_layers)
+                self.decay * b + self.fresh * random.map_or(0.0, RandomStream::normal_by_layers)
             }
             None => self.standard_deviation * random.map_or(0.0, RandomStream::normal_by_layers),
         };

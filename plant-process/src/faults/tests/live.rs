@@ -60,7 +60,7 @@ fn a_live_fault_begins_at_the_announced_step() {
         let b = |id, step| event(id, "plus", at(step), &[on("measured.b_m", 1.0)]);
         let mut rig = Rig::new(&[b(1, 2), b(2, 9)]);
         rig.run(5);
-        rig.told.clear();
+        rig.events.clear();
         let label = format!("{trigger:?}");
         let admitted = rig.admit(vec![plus(3, trigger)]).expect("it can be");
         let expected = Admitted {
@@ -71,8 +71,8 @@ fn a_live_fault_begins_at_the_announced_step() {
         };
         assert_eq!(admitted, [expected], "{label}");
         rig.run(7);
-        rig.told.retain(|report| report.0 == 3);
-        assert_eq!(rig.told, [(3, 0, begin, '+')], "{label}");
+        rig.events.retain(|report| report.0 == 3);
+        assert_eq!(rig.events, [(3, 0, begin, '+')], "{label}");
     }
 }
 
@@ -99,7 +99,7 @@ fn the_faults_of_one_request_begin_together() {
     ];
     rig.admit(events).expect("they can be");
     assert_eq!(rig.step().sample, [40.0, 12.0, 5.0]);
-    assert_eq!(rig.told, [(1, 0, 3, '+'), (1, 1, 3, '+'), (2, 0, 3, '+')]);
+    assert_eq!(rig.events, [(1, 0, 3, '+'), (1, 1, 3, '+'), (2, 0, 3, '+')]);
 }
 
 #[test]
@@ -151,7 +151,7 @@ fn cleared_faults_end_at_the_next_step_with_an_event_each() {
             ),
         ]);
         rig.run(4);
-        rig.told.clear();
+        rig.events.clear();
         assert_eq!(rig.layer.clear(id, Step(4)), ids);
         let passed = rig.run(4);
         let (is_cleared, value) = (|number| ids.contains(&number), passed[3].sample[1]);
@@ -174,8 +174,8 @@ fn cleared_faults_end_at_the_next_step_with_an_event_each() {
                 10.0
             }
         );
-        rig.told.retain(|reports| reports.3 == 'x');
-        assert_eq!(rig.told, reports, "{id:?}");
+        rig.events.retain(|reports| reports.3 == 'x');
+        assert_eq!(rig.events, reports, "{id:?}");
         assert_eq!(rig.layer.clear(id, Step(8)), [0; 0], "all of it is gone");
     }
 }
@@ -189,14 +189,14 @@ fn a_follower_of_a_fault_cleared_before_its_beginning_never_begins() {
     let expected = "fault 1 ended before it took effect, so nothing can follow it";
     assert_eq!(result, Err(expected.into()));
     rig.run(8);
-    assert_eq!(rig.told, [(1, 0, 2, 'x')]);
+    assert_eq!(rig.events, [(1, 0, 2, 'x')]);
 
     // Once it has begun, its follower begins too.
     let mut rig = Rig::new(&[plus(1, at(2)), plus(2, after(1, 3))]);
     rig.run(3);
     rig.layer.clear(Some(1), Step(3));
     rig.run(5);
-    assert_eq!(rig.told, [(1, 0, 2, '+'), (1, 0, 3, 'x'), (2, 0, 5, '+')]);
+    assert_eq!(rig.events, [(1, 0, 2, '+'), (1, 0, 3, 'x'), (2, 0, 5, '+')]);
 }
 
 #[test]
@@ -286,7 +286,7 @@ fn an_ended_fault_releases_its_resources_but_keeps_its_report() {
     assert_eq!(rig.size(3, 0).ended_step, Some(1));
     assert_eq!(rig.size(5, 0).step, None);
     // Living faults are unaffected.
-    assert!(rig.told.contains(&(1, 0, 3, '+')));
+    assert!(rig.events.contains(&(1, 0, 3, '+')));
     let last = event(MANY + 1, "plus", Trigger::Now, &[on("measured.b_m", 1.0)]);
     rig.admit(vec![last]).expect("it can be");
     let k = rig.next as f64;

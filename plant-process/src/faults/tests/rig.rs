@@ -172,7 +172,7 @@ pub(super) struct Rig {
     pub(super) answer: Header,
     pub(super) command_invalid: u64,
     /// Reports: event, effect, step; then `+` or `-`, or `x` if the fault was cleared.
-    pub(super) told: Vec<(u32, u32, u64, char)>,
+    pub(super) events: Vec<(u32, u32, u64, char)>,
 }
 
 impl Rig {
@@ -198,7 +198,7 @@ impl Rig {
             last: None,
             answer: Header::new(FrameKind::Command, Step(0)),
             command_invalid: 0,
-            told: Vec::new(),
+            events: Vec::new(),
         }
     }
 
@@ -226,8 +226,8 @@ impl Rig {
         let groups: [&[f64]; 6] = [&sample, &command, &applied, &sensed, &stimulus, &faultable];
         self.last = Some(groups.concat());
         while let Some(event) = self.layer.next_event() {
-            self.told.push(match event {
-                Event::Fault(taken) => (taken.id, taken.effect, taken.step, '+'),
+            self.events.push(match event {
+                Event::Fault(begun) => (begun.id, begun.effect, begun.step, '+'),
                 Event::FaultEnded(ended) => {
                     let how = if ended.cleared { 'x' } else { '-' };
                     (ended.id, ended.effect, ended.step, how)

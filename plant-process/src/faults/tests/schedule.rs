@@ -39,7 +39,7 @@ fn each_trigger_fires_at_its_step() {
             let expected = k as f64 + if k >= step { 1.0 } else { 0.0 };
             assert_eq!(value, expected, "{label} at {k}");
         }
-        assert_eq!(rig.told, [(1, 0, step, '+')], "{label}");
+        assert_eq!(rig.events, [(1, 0, step, '+')], "{label}");
     }
 }
 
@@ -70,7 +70,7 @@ fn each_end_leaves_its_step_healthy() {
             let expected = k as f64 + if (2..step).contains(&k) { 1.0 } else { 0.0 };
             assert_eq!(value, expected, "{label} at {k}");
         }
-        assert_eq!(rig.told, [(1, 0, 2, '+'), (1, 0, step, '-')], "{label}");
+        assert_eq!(rig.events, [(1, 0, 2, '+'), (1, 0, step, '-')], "{label}");
         let size = rig.size(1, 0);
         assert_eq!(
             (size.step, size.ended_step, size.acted_steps),
@@ -97,7 +97,7 @@ fn occurrences_are_runs_of_steps_at_which_a_number_changed() {
     let parameter: Vec<f64> = passed.iter().map(|passed| passed.1).collect();
     assert_eq!(parameter[..7], [10.0, 11.0, 10.0, 11.0, 10.0, 10.0, 10.0]);
     // Each is over at the step after the one that showed it. An effect that never pauses never ends.
-    assert_eq!(rig.told[3..], [(1, 1, 5, '-'), (1, 0, 8, '-')]);
+    assert_eq!(rig.events[3..], [(1, 1, 5, '-'), (1, 0, 8, '-')]);
 }
 
 #[test]
@@ -138,7 +138,7 @@ fn occurrences_on_messages_or_time_are_single_steps() {
         ]
     );
     assert_eq!(
-        rig.told[3..],
+        rig.events[3..],
         [(1, 0, 4, '-'), (2, 0, 4, '-'), (1, 1, 6, '-')]
     );
 }
@@ -160,7 +160,7 @@ fn each_effect_has_its_skew_and_its_own_duration() {
         (1, 2, 4, '-'),
         (1, 1, 5, '-'),
     ];
-    assert_eq!(rig.told, expected);
+    assert_eq!(rig.events, expected);
 }
 
 #[test]
@@ -178,7 +178,7 @@ fn an_effect_whose_event_ends_first_never_begins() {
     ] {
         let mut rig = Rig::new(&[until(end, event(1, "plus", at(1), &effects))]);
         rig.run(8);
-        assert_eq!(rig.told, [(1, 0, 1, '+'), (1, 0, 4, '-')]);
+        assert_eq!(rig.events, [(1, 0, 1, '+'), (1, 0, 4, '-')]);
         assert_eq!(
             (rig.size(1, 1).step, rig.size(1, 1).ended_step),
             (None, None)
@@ -200,7 +200,7 @@ fn an_event_that_ends_before_its_trigger_never_begins_nor_do_its_followers() {
         plus(3, after(2, 0)),
     ]);
     rig.run(8);
-    assert_eq!(rig.told, []);
+    assert_eq!(rig.events, []);
     let states: Vec<_> = rig
         .layer
         .states()
@@ -232,7 +232,7 @@ fn events_that_follow_one_another_at_once_begin_at_one_step_in_the_order_of_thei
         [10.0, 10.0, 28.0, 28.0, 35.0]
     );
     assert_eq!(
-        rig.told,
+        rig.events,
         [
             (1, 0, 2, '+'),
             (2, 0, 2, '+'),
@@ -249,7 +249,7 @@ fn ends_at_a_step_precede_beginnings() {
         rig.each(5, |passed| passed.sample[0]),
         [0.0, 2.0, 3.0, 4.0, 5.0]
     );
-    assert_eq!(rig.told, [(2, 0, 1, '+'), (2, 0, 3, '-'), (1, 0, 3, '+')]);
+    assert_eq!(rig.events, [(2, 0, 1, '+'), (2, 0, 3, '-'), (1, 0, 3, '+')]);
 }
 
 #[test]

@@ -33,7 +33,7 @@ fn effects_on_a_signal_act_in_the_order_in_which_they_began() {
     let skewed = skewed(1, on(b, 100.0));
     let mut rig = Rig::new(&[event(1, "plus", at(1), &[skewed, on(b, 1.0), on(b, 3.0)])]);
     assert_eq!(rig.each(3, |passed| passed.sample[1]), [10.0, 14.0, 114.0]);
-    assert_eq!(rig.told, [(1, 1, 1, '+'), (1, 2, 1, '+'), (1, 0, 2, '+')]);
+    assert_eq!(rig.events, [(1, 1, 1, '+'), (1, 2, 1, '+'), (1, 0, 2, '+')]);
 }
 
 #[test]

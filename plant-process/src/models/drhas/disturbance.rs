@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 
 use super::tables::ActuatorParameters;
 
-/// Disturbance force on a piston, against the rod's extension.
+/// Disturbance force on a piston, opposing the extension of the rod.
 ///
 /// `d = d_c` before `t_0`, then `d = d_c + d_a sin(2 pi f t)` (eq. 74, where `d_c`, `d_a`, `f` and
 /// `t_0` are 100 N, 400 N, 1 Hz and 2 s for the first actuator, and `d = 400 N` for the second).

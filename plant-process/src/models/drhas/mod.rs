@@ -110,7 +110,7 @@ pub struct Drhas {
     beyond_paper: bool,
 }
 
-/// Course of an interval so far: inputs of the actuators.
+/// Inputs of the actuators over an interval, as far as it has been simulated.
 struct Course {
     /// Target positions of the spools.
     wanted_m: [f64; 2],

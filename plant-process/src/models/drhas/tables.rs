@@ -10,7 +10,7 @@ table! {
     pub struct ActuatorParameters {
         /// Valve gain k_i: spool displacement per current.
         valve_gain_m_per_a: "m/A" = 3.04e-3 in 0.0..=1.0 [faultable],
-        /// Null bias of the valve: where the spool is without current.
+        /// Null bias of the valve: position of the spool at zero current.
         valve_null_bias_m: "m" = 0.0 in (-0.02)..=0.02 [faultable],
         /// Travel of the spool to either side, where its stops are; the paper's runs use 7.1 mm.
         valve_travel_m: "m" = 0.02 in 1e-6..=1.0,

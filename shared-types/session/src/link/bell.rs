@@ -12,9 +12,9 @@
 //! The kernel's timer adds 0.3 us to each sleep. A bell that [ticks](Bell::tick) rings every 50 ms while its owner
 //! sleeps from time to time, so that longer sleeps need no timer. The ringing thread parks in between:
 //!
-//! 1. The owner sets `wanted` before it sleeps, and wakes the thread if `parked` is set.
-//! 2. The thread takes `wanted`. If it was set, the thread rings 50 ms later; otherwise it sets `parked`, reads
-//!    `wanted` once more and parks.
+//! 1. The owner sets `is_requested` before it sleeps, and wakes the thread if `parked` is set.
+//! 2. The thread takes `is_requested`. If it was set, the thread rings 50 ms later; otherwise it sets `parked`, reads
+//!    `is_requested` once more and parks.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering, fence};
@@ -69,7 +69,7 @@ struct Ticker {
 
 #[derive(Default)]
 struct TickerFlags {
-    wanted: AtomicBool,
+    is_requested: AtomicBool,
     parked: AtomicBool,
 }
 
@@ -225,7 +225,7 @@ const fn has_no_timer(ns: u64) -> bool {
 impl Ticker {
     /// Requests a tick, because the owner is about to sleep.
     fn want(&self) {
-        self.flags.wanted.store(true, Ordering::SeqCst);
+        self.flags.is_requested.store(true, Ordering::SeqCst);
         if self.flags.parked.load(Ordering::SeqCst) {
             self.thread.unpark();
         }
@@ -241,7 +241,7 @@ impl Drop for Ticker {
 /// Rings a bell while it exists and its owner requests ticks.
 fn ring_while_wanted(bell: &Weak<BellState>, flags: &TickerFlags) {
     while bell.strong_count() > 0 {
-        if flags.wanted.swap(false, Ordering::SeqCst) {
+        if flags.is_requested.swap(false, Ordering::SeqCst) {
             thread::park_timeout(TICK);
             if let Some(bell) = bell.upgrade() {
                 Bell(bell).ring();
@@ -249,7 +249,7 @@ fn ring_while_wanted(bell: &Weak<BellState>, flags: &TickerFlags) {
             continue;
         }
         flags.parked.store(true, Ordering::SeqCst);
-        if !flags.wanted.load(Ordering::SeqCst) {
+        if !flags.is_requested.load(Ordering::SeqCst) {
             thread::park();
         }
         flags.parked.store(false, Ordering::SeqCst);

@@ -46,7 +46,7 @@ pub struct IceoryxLink {
     /// Frame channels opened last, while older ones are still in use.
     next: Option<Frames>,
     /// Frame channels of the previous job.
-    kept: Option<Frames>,
+    previous: Option<Frames>,
     rejected: Ignored,
     // Last: the fields above must be dropped before the node that owns them.
     node: Node<Ipc>,
@@ -58,7 +58,7 @@ struct ControlChannel {
     speak: Publisher<Ipc, [u8], ()>,
     listen: Subscriber<Ipc, [u8], ()>,
     /// Topic that the other side publishes to.
-    heard: Topic<Ipc, [u8], ()>,
+    incoming: Topic<Ipc, [u8], ()>,
     /// Bell that the other side sleeps on.
     bell: Bell,
 }
@@ -99,7 +99,7 @@ impl IceoryxLink {
     /// takes longer than a short run; so the next job must have the same layout. A frame of the previous job is
     /// rejected by its session number, which differs between jobs.
     pub fn begin_next(&mut self) {
-        self.kept = self.frames.take();
+        self.previous = self.frames.take();
         self.next = None;
         self.rejected = Ignored::default();
     }
@@ -126,7 +126,7 @@ impl IceoryxLink {
             active: None,
             frames: None,
             next: None,
-            kept: None,
+            previous: None,
             rejected: Ignored::default(),
             node,
         })
@@ -169,7 +169,7 @@ impl ControlChannel {
             epoch,
             speak,
             listen,
-            heard: incoming,
+            incoming,
             bell: match controller_bell {
                 Some(bell) => bell,
                 None => Bell::open(session, Owner::Plant)?,
@@ -267,7 +267,7 @@ impl Link for IceoryxLink {
             return Ok(Peer::Unknown);
         };
         let mut speakers = Vec::new();
-        (self.control.heard.dynamic_config()).list_publishers(|publisher| {
+        (self.control.incoming.dynamic_config()).list_publishers(|publisher| {
             speakers.push(process_of(&publisher.node_id));
             CallbackProgression::Continue
         });
@@ -288,7 +288,7 @@ impl Link for IceoryxLink {
 
     fn open_frames(&mut self, spec: &FrameSpec) -> Result<(), LinkError> {
         let of = |identity: FrameIdentity| (identity.epoch, identity.layout);
-        if let Some(mut previous) = self.kept.take()
+        if let Some(mut previous) = self.previous.take()
             && of(previous.identity) == of(spec.identity)
         {
             previous.identity = spec.identity;

@@ -149,7 +149,7 @@ impl AllSessions {
 }
 
 impl Drop for AllSessions {
-    /// Removes the folder with the last session.
+    /// Removes the folder once no session is left in it.
     fn drop(&mut self) {
         if self.folders().is_ok_and(|folders| folders.is_empty()) {
             // Anything that cannot be removed now is empty and removed with the next session.

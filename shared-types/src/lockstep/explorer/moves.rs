@@ -87,7 +87,7 @@ impl World {
             } else if unread.is_some() && frames_flow {
                 moves.push(Move::Command);
             }
-            let peer_member = &self.crew.get(self.heard as usize - 1);
+            let peer_member = &self.crew.get(self.expected_epoch as usize - 1);
             if peer_member.is_some_and(|m| !m.to_plant.is_empty()) {
                 moves.push(Move::Hear);
             }
@@ -173,7 +173,7 @@ impl World {
                 world.tell(&PlantEvent::Frame(&header))?;
             }
             Move::Hear => {
-                let current_epoch = world.heard;
+                let current_epoch = world.expected_epoch;
                 let message = (world.member(current_epoch).ok_or("nobody")?)
                     .to_plant
                     .remove(0);

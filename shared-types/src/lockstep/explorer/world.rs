@@ -53,7 +53,7 @@ pub(super) struct World {
     pub(super) plant_lives: bool,
     pub(super) crew: Vec<Member>,
     /// Epoch whose control channel the plant reads.
-    pub(super) heard: u32,
+    pub(super) expected_epoch: u32,
     /// Epoch whose frames the plant uses; 0 before there are any.
     pub(super) used: u32,
     /// Next step to be executed.
@@ -175,7 +175,7 @@ impl World {
             },
             plant_lives: true,
             crew: vec![Member::new()],
-            heard: 1,
+            expected_epoch: 1,
             used: 0,
             next: 0,
             newer: 0,
@@ -205,7 +205,7 @@ impl World {
             self.plant.key(),
             (
                 self.plant_lives,
-                self.heard,
+                self.expected_epoch,
                 self.used,
                 (self.next, self.newer),
                 self.end.is_some(),
@@ -242,7 +242,7 @@ impl World {
     }
 
     pub(super) fn say(&mut self, message: Message) {
-        let epoch = self.heard;
+        let epoch = self.expected_epoch;
         if let Some(member) = self.member(epoch) {
             member.to_controller.push(message);
         }
@@ -262,7 +262,7 @@ impl World {
         let was_alone = self.plant.is_alone();
         match self.plant.on(event) {
             PlantAction::Nothing | PlantAction::Ignore(_) => {}
-            PlantAction::Expect(epoch) => self.heard = epoch,
+            PlantAction::Expect(epoch) => self.expected_epoch = epoch,
             PlantAction::Welcome(welcome) => {
                 if self.used == 0 {
                     self.used = welcome.epoch;

@@ -67,7 +67,7 @@ fn describe(flips: &[Flips]) -> String {
         );
         if *lost > 0 {
             text += &format!(
-                "  {} left out: a campaign has no result for them\n",
+                "  {} left out, because one campaign has no result for them\n",
                 counted(*lost, "case")
             );
         }

@@ -39,7 +39,7 @@ pub(super) fn chosen(
     let plots = choose(&Choice {
         columns: &recorded,
         subjects: &subjects.collect::<Vec<_>>(),
-        asked: &[],
+        patterns: &[],
         values: None,
     });
     // Differences due to sensors and channels are seldom worth a second plot.

@@ -213,7 +213,7 @@ impl Worker<'_> {
     fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<(Row, Option<Curve>), Failure> {
         let columns = &self.folder.manifest().columns;
         let mut tries = attempt.tries(case);
-        let mut why = format!("it killed its worker {tries} times");
+        let mut why = format!("the case killed its worker {tries} times");
         while tries < MOST_TRIES {
             attempt
                 .start(case)
@@ -274,7 +274,7 @@ impl Worker<'_> {
                 "the plant or the controller keeps state from one run to the next, for example in a static variable. Fix it, or plan the campaign again with `fresh_processes = true` in its study"
             }
             Some(_) => {
-                "and yet another value in other new ones: the plant or the controller depends on more than its inputs, such as a clock, a file or a random seed"
+                "a second pair of new processes gave yet another value: the plant or the controller depends on more than its inputs, such as a clock, a file or a random seed"
             }
         };
         self.tell(DIFFERS)?; // whoever hears it ends all workers

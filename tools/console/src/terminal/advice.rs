@@ -41,7 +41,9 @@ pub fn on(text: &str) -> Option<String> {
         Errno::ISDIR => "the path is a folder; name a file",
         Errno::MFILE => "this process has too many files open: `ulimit -n 4096`",
         Errno::NFILE => "all processes together have too many files open: `sysctl fs.file-max`",
-        Errno::TXTBSY => "the program is being written or run; wait until that has ended",
+        Errno::TXTBSY => {
+            "the program is being written or is running; try again once that has ended"
+        }
         Errno::FBIG => "the file would exceed the size limit: `ulimit -f unlimited`",
         Errno::NOSPC => {
             "no space is left there: `df -h` and `df -i` show free space and inodes; free some or choose another place"
@@ -52,7 +54,7 @@ pub fn on(text: &str) -> Option<String> {
         }
         Errno::NAMETOOLONG => "a name has at most 255 bytes, a path 4095: choose a shorter one",
         Errno::LOOP => "symbolic links of the path form a loop: `namei` shows them",
-        Errno::ADDRINUSE => "another program listens there: choose another port",
+        Errno::ADDRINUSE => "another program already uses this port: choose another one",
         Errno::ADDRNOTAVAIL => "this machine has no such address: `ip address` lists those it has",
         Errno::STALE => "the file no longer exists on its server: open it again",
         _ => return None,

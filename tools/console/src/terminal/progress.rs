@@ -15,7 +15,7 @@ pub struct Progress {
     pause: Option<Pause>,
     /// Step of the latest announced pause.
     told_pause: Option<Step>,
-    shown: bool,
+    is_shown: bool,
 }
 
 /// Pause that was requested before the run.
@@ -25,10 +25,10 @@ struct Pause {
 }
 
 impl Progress {
-    /// Creates a bar for `steps` steps; `shown` is `false` if several runs share the terminal.
+    /// Creates a bar for `steps` steps; `is_shown` is `false` if several runs share the terminal.
     #[must_use]
-    pub fn new(steps: u64, rate: Rate, shown: bool) -> Self {
-        let is_drawn = shown && output::person_watches();
+    pub fn new(steps: u64, rate: Rate, is_shown: bool) -> Self {
+        let is_drawn = is_shown && output::person_watches();
         let bar = if is_drawn {
             ProgressBar::new(steps)
         } else {
@@ -62,7 +62,7 @@ impl Progress {
             rate,
             pause: None,
             told_pause: None,
-            shown,
+            is_shown,
         }
     }
 
@@ -111,7 +111,7 @@ impl Progress {
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
-        if self.shown && crate::terminal::output::person_watches() {
+        if self.is_shown && crate::terminal::output::person_watches() {
             // Ctrl-C prints `^C` in the bar's line without the bar's knowledge.
             let _ = write!(std::io::stderr(), "\r\x1b[2K"); // fails only if the terminal is gone
         }

@@ -5,14 +5,10 @@ use std::time::Duration;
 use hil_facts::results::company::core_times;
 use serde_json::json;
 
+use crate::checks::CONTENTION;
 use crate::cores::CoreList;
 use crate::finding::{Check, Finding};
 use crate::tree::{Tree, Unread};
-
-const CHECK: Check = Check::new(
-    "company",
-    "a step waits while another program uses its core; an exclusive core helps most",
-);
 
 /// Smallest shares of a core that are graded fair and poor.
 const FAIR: f64 = 0.1;
@@ -51,7 +47,7 @@ pub(crate) fn measure(tree: &dyn Tree, cores: &CoreList, seconds: f64) -> Findin
         };
         Ok(finding(&before, &after))
     };
-    judge().unwrap_or_else(|unread| CHECK.unread(&unread))
+    judge().unwrap_or_else(|unread| CONTENTION.unread(&unread))
 }
 
 /// Reads the ticks of these cores.
@@ -97,7 +93,7 @@ fn finding(before: &Times, after: &Times) -> Finding {
     };
     let shares: Vec<(u32, f64)> = after.cores.iter().filter_map(share).collect();
     let Some((_, most)) = shares.iter().max_by(|a, b| a.1.total_cmp(&b.1)) else {
-        return CHECK.unknown("/proc/stat has no data for these cores");
+        return CONTENTION.unknown("/proc/stat has no data for these cores");
     };
     let ticks = |program: &Program| {
         let same = |other: &&Program| other.process == program.process;
@@ -134,7 +130,7 @@ fn finding(before: &Times, after: &Times) -> Finding {
     let cores = shares
         .iter()
         .map(|(core, share)| json!({"core": core, "others": share}));
-    (grade(CHECK, text).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
+    (grade(CONTENTION, text).mend_if(mend)).measured(json!({"cores": cores.collect::<Vec<_>>()}))
 }
 
 #[cfg(test)]

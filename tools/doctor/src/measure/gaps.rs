@@ -11,14 +11,10 @@ use hil_session::clock::monotonic_ns;
 use serde::Serialize;
 use serde_json::json;
 
-use crate::finding::{Check, Finding};
+use crate::checks::GAPS;
+use crate::finding::Finding;
 use crate::measure::{Class, Pinned, jitter_grade, remark};
 use crate::tree::{Root, Tree};
-
-const CHECK: Check = Check::new(
-    "gaps",
-    "time taken from a spinning thread is missing in some step",
-);
 
 /// Lower limits of the classes of gaps; shorter gaps do not count. The three in the middle are the limits of the
 /// grades.
@@ -106,7 +102,7 @@ fn involuntary_switches() -> Option<u64> {
 #[must_use]
 pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
     let Some(longest_ns) = gaps.iter().map(|gaps| gaps.longest_ns).max() else {
-        return CHECK.unknown("no core was watched");
+        return GAPS.unknown("no core was watched");
     };
     let lost: u64 = gaps.iter().map(|gaps| gaps.lost_ns).sum();
     let watched: u64 = gaps.iter().map(|gaps| gaps.watched_ns).sum();
@@ -116,7 +112,7 @@ pub fn finding(gaps: &[Gaps], seconds: f64, class: Class) -> Finding {
         "longest {longest}, {percent:.2} % of the time lost{}",
         remark(longest_ns)
     );
-    (CHECK.graded(jitter_grade(longest_ns), text)).measured(json!({
+    (GAPS.graded(jitter_grade(longest_ns), text)).measured(json!({
         "seconds": seconds,
         "class": class.to_string(),
         "classes_from_ns": CLASSES_NS,

@@ -14,12 +14,8 @@ use hil_session::clock::monotonic_ns;
 use serde_json::json;
 
 use super::{Class, Pinned, shown};
-use crate::finding::{Check, Finding, Grade};
-
-const CHECK: Check = Check::new(
-    "ping_pong",
-    "no exchange between two processes is faster than memory between their cores",
-);
+use crate::checks::PING_PONG;
+use crate::finding::{Finding, Grade};
 
 /// Number of discarded round trips, which find cold caches.
 const WARM_UP: u64 = 1_000;
@@ -129,12 +125,12 @@ fn answered(pair: &Pair, number: u64) -> bool {
 pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Class) -> Finding {
     let figures = Percentiles::of(trips_ns);
     let grade = match figures.p50 {
-        _ if figures.count == 0 => return CHECK.unknown("no answer came"),
+        _ if figures.count == 0 => return PING_PONG.unknown("no answer came"),
         0..NEAR_NS => Grade::Good,
         NEAR_NS..FAR_NS => Grade::Fair,
         _ => Grade::Poor,
     };
-    (CHECK.graded(grade, shown(&figures))).measured(json!({
+    (PING_PONG.graded(grade, shown(&figures))).measured(json!({
         "cores": cores,
         "seconds": seconds,
         "class": class.to_string(),
@@ -145,7 +141,7 @@ pub(crate) fn finding(trips_ns: &Times, cores: [u32; 2], seconds: f64, class: Cl
 
 /// Returns the finding for a machine with only one core.
 pub(crate) fn impossible() -> Finding {
-    CHECK.unknown("needs two cores")
+    PING_PONG.unknown("needs two cores")
 }
 
 #[cfg(test)]

@@ -20,19 +20,10 @@ use crate::tree::Root;
 
 /// Time between two deadlines, in ns.
 const PERIOD_NS: u64 = 1_000_000;
-/// Number of discarded wake-ups, which find cold caches.
+/// Number of initial wake-ups that are discarded because the caches are still cold.
 const WARM_UP: u32 = 20;
 /// Number of words that the load writes to: more than a core's own cache holds.
 const LOAD_WORDS: usize = 1 << 19;
-
-/// Wake-ups on an otherwise idle machine.
-pub(crate) const IDLE: Check = Check::new(
-    "wake_up_idle",
-    "a paced or real-time step starts as late as its thread wakes up",
-);
-/// Wake-ups while every core is busy.
-pub(crate) const LOADED: Check =
-    Check::new("wake_up_loaded", "a busy machine must not make a step late");
 
 /// Lateness of the wake-ups.
 #[derive(Clone, Debug)]
@@ -168,6 +159,7 @@ fn work(stop: &AtomicBool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::checks::WAKE_UP_IDLE;
     use crate::finding::Grade;
     use rustix::thread::sched_getaffinity;
 
@@ -196,7 +188,7 @@ mod tests {
         ] {
             let mut all = vec![3_000; 999];
             all.push(latest_ns);
-            let finding = finding(IDLE, &wake_ups(&all), 1, 1.0, class());
+            let finding = finding(WAKE_UP_IDLE, &wake_ups(&all), 1, 1.0, class());
             assert_eq!(finding.grade, grade, "{latest_ns}");
             assert!(finding.found.contains(expected), "{}", finding.found);
             let figures = &finding.measured.expect("measured")["lateness_ns"];
@@ -209,7 +201,7 @@ mod tests {
 
     #[test]
     fn without_wake_ups_there_is_no_grade() {
-        let finding = finding(IDLE, &wake_ups(&[]), 1, 1.0, class());
+        let finding = finding(WAKE_UP_IDLE, &wake_ups(&[]), 1, 1.0, class());
         assert_eq!(finding.grade, Grade::Unknown);
     }
 

@@ -61,7 +61,7 @@ impl RealtimeArguments {
     /// Returns the given settings as `KEY=VALUE`.
     pub(crate) fn as_set(&self) -> impl Iterator<Item = String> {
         let number = |value: Option<u32>| value.map(|value| value.to_string());
-        let flag = |given: bool| given.then(|| "true".to_owned());
+        let flag = |is_set: bool| is_set.then(|| "true".to_owned());
         let wait = self.wait.map(|wait| WaitStrategy::from(wait).name().into());
         let all = [
             ("plant_core", number(self.plant_core)),

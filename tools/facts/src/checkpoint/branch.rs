@@ -244,7 +244,7 @@ impl Check<'_> {
             self.refuse(format!("{name} ended at {at} and must stay the same"));
             return;
         }
-        match self.log.taken.iter().find(|begun| begun.id == then.id) {
+        match self.log.begun.iter().find(|begun| begun.id == then.id) {
             Some(begun) => {
                 if same_but_for_sizes(then, now) {
                     self.branch.changed_faults.push(then.id);
@@ -264,7 +264,7 @@ impl Check<'_> {
         let begin = match &now.trigger {
             Trigger::Step { step, .. } => Some(*step),
             Trigger::After { event, delay_steps } => {
-                let leaders = self.log.taken.iter().filter(|begun| begun.id == *event);
+                let leaders = self.log.begun.iter().filter(|begun| begun.id == *event);
                 let step = leaders.map(|begun| begun.step).min();
                 step.map(|step| Step(step.saturating_add(*delay_steps)))
             }

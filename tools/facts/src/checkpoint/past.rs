@@ -28,6 +28,7 @@ use crate::programs::scenario;
 use crate::results::faults::FaultLog;
 use crate::results::restoration::Check;
 use crate::results::resumed::Resumed;
+use crate::tables::FORMATS;
 
 /// Past that a run continues.
 #[derive(Clone, Debug)]
@@ -104,8 +105,11 @@ impl Past {
         refuse_set(&changes.set, |role| role.flag)?;
         let origin = format!("the scenario of {}", self.folder.display());
         let (plants, laws, kinds) = binaries.described();
+        // The run's folder, which has its long tables wherever it was moved.
+        let run = self.folder.parent().unwrap_or(&self.folder);
         let scenario = || {
-            Scenario::parse(&self.scenario, &origin).map(|scenario| scenario.beside(&self.folder))
+            Scenario::parse(&self.scenario, &origin)
+                .map(|scenario| scenario.beside(run).with_formats(FORMATS))
         };
         let then = scenario().and_then(|scenario| scenario.check(plants, laws, kinds))?;
         let mut now = scenario::check(scenario(), changes, binaries, json)?;
@@ -233,7 +237,7 @@ pub(super) fn read(folder: &Path) -> Result<Checkpoint, Failure> {
     } = checkpoint;
     if (schema, protocol) != (SCHEMA, PROTOCOL) {
         return Err(damaged(&format!(
-            "it has schema {schema} and protocol {protocol}, but this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
+            "the checkpoint has schema {schema} and protocol {protocol}, but this hil writes schema {SCHEMA} and protocol {PROTOCOL}"
         )));
     }
     Ok(checkpoint)

@@ -5,7 +5,6 @@
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::Arc;
 
 use hil_config::plan::{ControllerProgram, Permissions, Plan, Programs};
 use hil_config::scenario::Advice;
@@ -22,16 +21,16 @@ use shared_types::text;
 
 use answer::{asked, objection, silence, unprintable};
 use beside_desk::BesideDesk;
+pub use choices::Choices;
 pub use file::beside;
 use file::{FileIdentity, hashed, hashed_model};
-use host::{Host, is_model};
+use host::{Host, ModelKind};
 use named::{CONTROLLER, Choice, Named, NamedBy, PLANT, Role};
 use reached::Reached;
 
-use crate::arguments::BinaryArguments;
-
 mod answer;
 pub(crate) mod beside_desk;
+mod choices;
 mod file;
 pub mod host;
 pub mod named;
@@ -67,71 +66,6 @@ pub struct Binaries {
     pub plant: Binary,
     /// The controller.
     pub controller: Binary,
-}
-
-/// Binaries of a run, before they are asked for their descriptions.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Choices {
-    plant: Choice,
-    controller: Choice,
-    at: Option<Reached>,
-    /// Controller that would run at this desk, if the controller runs on a target.
-    at_desk: Option<Choice>,
-}
-
-impl Choices {
-    /// Selects the binaries named by the arguments or a file.
-    ///
-    /// # Errors
-    /// If a program named by a file must not be run.
-    pub fn of(
-        arguments: &BinaryArguments,
-        named: &Named<'_>,
-        at: Option<&Reached>,
-    ) -> Result<Self, Failure> {
-        Ok(Self {
-            plant: named.choice(&PLANT, arguments.plant_bin.as_deref(), None)?,
-            controller: named.choice(&CONTROLLER, arguments.controller_bin.as_deref(), at)?,
-            at: at.cloned(),
-            // A desk program that must not be run is not compared.
-            at_desk: at.and_then(|_| named.choice(&CONTROLLER, None, None).ok()),
-        })
-    }
-
-    /// Uses copies of both programs instead of those beside `hil`.
-    pub fn copies([plant, controller]: [PathBuf; 2]) -> Self {
-        let copy = |path| Choice::new(path, NamedBy::Nobody);
-        Self {
-            plant: copy(plant),
-            controller: copy(controller),
-            at: None,
-            at_desk: None,
-        }
-    }
-
-    /// Returns `true` if one of the programs was named in any way.
-    pub fn names_one(&self) -> bool {
-        [&self.plant, &self.controller]
-            .iter()
-            .any(|choice| choice.by != NamedBy::Nobody)
-    }
-
-    /// Asks both programs for their descriptions.
-    ///
-    /// # Errors
-    /// If a program is missing, cannot be executed or does not speak the protocol.
-    pub fn find(&self, interruption: &Interruption) -> Result<Arc<Binaries>, Failure> {
-        let at = self.at.as_ref();
-        let mut controller = Binary::of_controller(&self.controller, at, interruption)?;
-        controller.beside_desk = self
-            .at_desk
-            .as_ref()
-            .and_then(|desk| BesideDesk::of(&controller, desk, interruption));
-        Ok(Arc::new(Binaries {
-            plant: Binary::of_plant(&self.plant, interruption)?,
-            controller,
-        }))
-    }
 }
 
 impl Binaries {
@@ -226,11 +160,11 @@ impl Binary {
     /// # Errors
     /// If the plant is missing, cannot be executed or does not speak the protocol.
     pub(crate) fn plant(
-        given: Option<&Path>,
+        flag: Option<&Path>,
         named: &Named<'_>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        Self::of_plant(&named.choice(&PLANT, given, None)?, interruption)
+        Self::of_plant(&named.choice(&PLANT, flag, None)?, interruption)
     }
 
     /// Finds the named controller and asks for its description.
@@ -238,12 +172,12 @@ impl Binary {
     /// # Errors
     /// If the controller is missing, cannot be executed or does not speak the protocol.
     pub fn controller(
-        given: Option<&Path>,
+        flag: Option<&Path>,
         named: &Named<'_>,
         at: Option<&Reached>,
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
-        Self::of_controller(&named.choice(&CONTROLLER, given, at)?, at, interruption)
+        Self::of_controller(&named.choice(&CONTROLLER, flag, at)?, at, interruption)
     }
 
     /// Describes a controller that was named with this flag; an FMU has these permissions and settings.
@@ -258,9 +192,9 @@ impl Binary {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         let path = std::path::absolute(path).map_err(Failure::usage)?;
-        let (permissions, settings) = match is_model(&path) {
-            true => of_fmu,
-            false => Default::default(),
+        let (permissions, settings) = match ModelKind::of(&path) {
+            Some(ModelKind::Fmu) => of_fmu,
+            _ => Default::default(),
         };
         let choice = Choice {
             permissions,
@@ -334,6 +268,11 @@ impl Binary {
         host.map_or_else(Permissions::default, |host| host.permissions)
     }
 
+    /// Returns `true` if equal runs of the binary give equal records: `false` for a port whose file says otherwise.
+    pub fn is_repeatable(&self) -> bool {
+        self.host.as_ref().is_none_or(|host| host.is_repeatable)
+    }
+
     /// Returns the path if the binary was named.
     pub fn named(&self) -> Option<&Path> {
         (self.by != NamedBy::Nobody).then_some(&self.path)
@@ -378,13 +317,16 @@ impl Binary {
         let path_text = path.display();
         let cannot = |error: &dyn std::fmt::Display| choice.cannot_run(role, error);
         let host = Host::of(choice, role.side).map_err(|error| cannot(&error))?;
-        if let (Some(_), Some(at)) = (&host, at) {
-            let target = at.target();
+        if let (Some(host), Some(at)) = (&host, at) {
+            let (words, target) = (host.kind.words(), at.target());
             return Err(cannot(&format!(
-                "an FMU can run only on this machine, not on {target}; omit --target, or name a controller program"
+                "{words} can run only on this machine, not on {target}; omit --target, or name a controller program"
             )));
         }
-        if let (None, Some(reason)) = (&host, choice.only_for_an_fmu(role)) {
+        let is_fmu = host
+            .as_ref()
+            .is_some_and(|host| host.kind == ModelKind::Fmu);
+        if let (false, Some(reason)) = (is_fmu, choice.only_for_an_fmu(role)) {
             return Err(Failure::usage(format!(
                 "{path_text} is not an FMU, so {reason}"
             )));

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use hil_config::plan::{Instrument, Plan};
 use plant_process::instruments::Figures;
 use serde_json::{Value, json};
-use shared_types::describe::{Invalid, PlantDescription};
+use shared_types::describe::{Invalid, LawDescription, PlantDescription};
 use shared_types::number::{short, short_in};
 use shared_types::table::Field;
 
@@ -18,13 +18,33 @@ struct Described<'a> {
     /// Keys of its stages, in their order.
     stages: Vec<&'static str>,
     figures: Figures,
+    /// `true` if the law receives the signal, or sends it.
+    is_used: bool,
+}
+
+/// Plant and law of a plan, the law as seen on the wire.
+#[derive(Clone, Copy, Debug)]
+pub struct Sides<'a> {
+    /// Plant, without the commands that the scenario drives.
+    pub plant: &'a PlantDescription,
+    /// Law with its signals as the plan connects them.
+    pub law: &'a LawDescription,
 }
 
 /// Describes each instrument.
 fn described<'a>(
     plan: &'a Plan,
-    plant: &'a PlantDescription,
+    Sides { plant, law }: Sides<'a>,
 ) -> Result<Vec<Described<'a>>, Invalid> {
+    // A law without commands of its own sends all those of the plant.
+    let is_used = move |group: &str, field: &Field| {
+        let fields = match group {
+            "measured" => Some(&law.measured),
+            _ => law.commands.as_ref(),
+        };
+        let has = |fields: &Vec<Field>| { fields.iter() }.any(|one| field.is_called(&one.name));
+        fields.is_none_or(has)
+    };
     let rate = plan.run.rate;
     let of = |group: &'static str, instruments: &'a [Instrument], fields: &'a [Field]| {
         instruments.iter().map(move |instrument| {
@@ -41,6 +61,7 @@ fn described<'a>(
                 instrument,
                 stages,
                 figures: Figures::of(instrument, rate)?,
+                is_used: field.is_none_or(|field| is_used(group, field)),
             })
         })
     };
@@ -54,20 +75,17 @@ fn described<'a>(
 ///
 /// # Errors
 /// If the keys of an instrument are inconsistent.
-pub fn text(
-    plan: &Plan,
-    plant: &PlantDescription,
-    frequencies_hz: &[f64],
-) -> Result<String, Invalid> {
+pub fn text(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Result<String, Invalid> {
     let mut text = String::new();
     let rate_hz = plan.run.rate.hz();
-    for one in described(plan, plant)? {
+    for one in described(plan, sides)? {
         let Described {
             signal,
             unit,
             instrument,
             stages,
             figures,
+            is_used,
         } = one;
         if !text.is_empty() {
             text.push('\n');
@@ -127,6 +145,10 @@ pub fn text(
             format!("{} deg at {} Hz", short(loss_deg), short(*hz))
         });
         line("phase loss", losses.collect::<Vec<_>>().join(", "));
+        if !is_used {
+            let law = &sides.law.name;
+            line("unused", format!("law `{law}` does not use this signal"));
+        }
     }
     if text.is_empty() {
         text = format!("{} has neither sensors nor actuators\n", plan.name);
@@ -138,11 +160,7 @@ pub fn text(
 ///
 /// # Errors
 /// If the keys of an instrument are inconsistent.
-pub fn json(
-    plan: &Plan,
-    plant: &PlantDescription,
-    frequencies_hz: &[f64],
-) -> Result<Value, Invalid> {
+pub fn json(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Result<Value, Invalid> {
     let one = |one: Described<'_>| {
         let Described {
             instrument,
@@ -156,6 +174,7 @@ pub fn json(
             "signal": one.signal,
             "unit": one.unit,
             "stages": one.stages,
+            "is_used": one.is_used,
             "rate_hz": plan.run.rate.hz() / instrument.divisor(plan.run.rate),
             "noise_sigma": figures.noise_sigma,
             "quantisation_sigma": figures.quantisation_sigma,
@@ -168,6 +187,6 @@ pub fn json(
             "phase": losses.collect::<Vec<_>>(),
         })
     };
-    let all = described(plan, plant)?.into_iter().map(one);
+    let all = described(plan, sides)?.into_iter().map(one);
     Ok(json!({"instruments": all.collect::<Vec<_>>()}))
 }

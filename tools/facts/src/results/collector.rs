@@ -6,6 +6,7 @@ use shared_types::record::{Event, Timing};
 
 use crate::results::curves::CurveTaker;
 use crate::results::evaluation::RecordEvaluation;
+use crate::results::held_commands::HeldCommands;
 use crate::results::latency::legs::Latency;
 use crate::results::recorded::Recorded;
 
@@ -17,6 +18,8 @@ pub struct Collector {
     pub evaluation: Option<RecordEvaluation>,
     /// Curve of a case; `None` unless its campaign records curves.
     pub curve: Option<CurveTaker>,
+    /// Commands held by the plant.
+    pub held_commands: HeldCommands,
     /// Latency figures; `None` where unneeded, because histograms cost more than a short run.
     pub latency: Option<Latency>,
     /// Times at which the first and the last record were published.
@@ -34,6 +37,7 @@ impl Collector {
             steps,
             evaluation,
             curve: None,
+            held_commands: HeldCommands::default(),
             recorded: Recorded::begun(),
             latency,
             published_ns: None,
@@ -46,10 +50,11 @@ impl Collector {
         let step = words[0];
         let recorded = &mut self.recorded;
         recorded.records += 1;
-        if step < self.steps
-            && let Some(answers) = &mut recorded.answers
-        {
-            answers.take(timing);
+        if step < self.steps {
+            self.held_commands.take(words);
+            if let Some(answers) = &mut recorded.answers {
+                answers.take(timing);
+            }
         }
         let evaluation = self.evaluation.as_mut();
         let derived = evaluation.map_or(&[][..], |evaluation| evaluation.record(words));
@@ -89,6 +94,7 @@ impl Collector {
     pub fn conclude(&mut self) {
         let recorded = &mut self.recorded;
         recorded.curve = self.curve.take().map(CurveTaker::finish);
+        recorded.held_commands = self.held_commands.held();
         recorded.latency = self
             .latency
             .as_ref()

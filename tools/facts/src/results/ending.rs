@@ -60,7 +60,9 @@ fn records(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
 /// Checks that there are answers: only a controller lost at the first step of the run, before its first answer, leaves
 /// none.
 fn answers(end: &RunEnd, recorded: &Recorded) -> Option<String> {
-    let is_alone = recorded.answers.is_some_and(|answers| answers.given == 0);
+    let is_alone = recorded
+        .answers
+        .is_some_and(|answers| answers.answered == 0);
     let is_lost = |change: &ControllerChange| {
         matches!(change.change, ControllerFate::Lost { .. }) && change.step <= recorded.past_records
     };
@@ -138,7 +140,7 @@ fn effects(plan: &Plan, end: &RunEnd, recorded: &Recorded) -> Option<String> {
             ));
         }
     }
-    let begun = log.taken.iter().map(|begun| (begun.id, begun.effect));
+    let begun = log.begun.iter().map(|begun| (begun.id, begun.effect));
     let ended = log.ended.iter().map(|ended| (ended.id, ended.effect));
     let is_made_up = |(id, number): &(u32, u32)| {
         let effects = counts.get(id).copied().unwrap_or(0);

@@ -19,7 +19,7 @@ pub struct FaultLog {
     /// Accepted live faults.
     pub accepted: Vec<LiveFault>,
     /// Effects that began.
-    pub taken: Vec<FaultBegun>,
+    pub begun: Vec<FaultBegun>,
     /// Effects that ended.
     pub ended: Vec<FaultEnded>,
     /// Sizes of the effects from the plant's final report; `None` if the plant died before it.
@@ -102,7 +102,7 @@ impl FaultLog {
                 let live = live.map_err(|error| format!("fault {}: {error}", accepted.id))?;
                 self.accepted.push(live);
             }
-            Event::Fault(begun) => self.taken.push(begun.clone()),
+            Event::Fault(begun) => self.begun.push(begun.clone()),
             Event::FaultEnded(ended) => self.ended.push(ended.clone()),
             Event::End(end) => {
                 self.sizes = Some(end.effects.clone());
@@ -159,7 +159,7 @@ impl FaultLog {
     }
 
     fn effect(&self, id: u32, number: u32, target: &str) -> Effect {
-        let begun = (self.taken.iter()).find(|begun| (begun.id, begun.effect) == (id, number));
+        let begun = (self.begun.iter()).find(|begun| (begun.id, begun.effect) == (id, number));
         let ended = (self.ended.iter()).find(|ended| (ended.id, ended.effect) == (id, number));
         let sizes = self.sizes.as_deref().unwrap_or_default();
         let size = sizes
@@ -205,7 +205,7 @@ impl FaultLog {
                 }
             }
             Trigger::After { event, delay_steps } => {
-                match self.taken.iter().find(|begun| begun.id == *event) {
+                match self.begun.iter().find(|begun| begun.id == *event) {
                     Some(_) => {
                         format!("the run ended within {delay_steps} steps after fault {event}")
                     }

@@ -75,6 +75,9 @@ impl RecordedOutcome {
         let is_due = planned.is_some_and(|run| run.clock != Clock::Lockstep);
         let steps = planned.map_or(0, |run| run.steps);
         let mut collector = Collector::new(steps, evaluation, Some(Latency::new(is_due)));
+        if let Ok(run) = &run {
+            collector.held_commands = run.held_commands(&reader);
+        }
         let first = first_step(&reader);
         let places = TimingPlaces::of(&reader);
         let mut messages = 0;

@@ -8,6 +8,7 @@ use hil_config::requirements::RequirementValue;
 use shared_types::record::{ControllerChange, Mark, RunEnd, Timing, ValueChange};
 
 use crate::results::faults::FaultLog;
+use crate::results::held_commands::HeldCommand;
 use crate::results::latency::legs::LatencySummary;
 
 /// Maximum number of compared steps.
@@ -38,6 +39,8 @@ pub struct Recorded {
     pub lost: u64,
     /// Counts of controller commands in the records; `None` for an excerpt, which lacks some records.
     pub answers: Option<Answers>,
+    /// Commands that the plant held without a valid new value.
+    pub held_commands: Vec<HeldCommand>,
     /// Digest of all processed records; `None` if something was lost.
     pub digest: Option<String>,
     /// Digests after certain numbers of records, as far as requested and available.
@@ -72,7 +75,7 @@ impl Recorded {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Answers {
     /// Number of records with a controller's command.
-    pub given: u64,
+    pub answered: u64,
     /// Number of records whose command is older than the one of their step.
     pub held: u64,
 }
@@ -80,7 +83,7 @@ pub struct Answers {
 impl Answers {
     /// Counts the record of a step with a command.
     pub const fn take(&mut self, timing: &Timing) {
-        self.given += (timing.epoch > 0) as u64;
+        self.answered += (timing.epoch > 0) as u64;
         self.held += (timing.held_steps > 0) as u64;
     }
 }
@@ -121,7 +124,7 @@ impl Stretch {
         let faults = &recorded.faults;
         let later = faults.accepted.get(self.accepted..).unwrap_or_default();
         let is_later = |id: u32| later.iter().any(|live| live.event.id == id);
-        let begins = faults.taken.iter().filter(|begin| is_later(begin.id));
+        let begins = faults.begun.iter().filter(|begin| is_later(begin.id));
         let ends = faults.ended.iter().filter(|end| end.cleared);
         let changes = recorded.values.iter().filter(|change| change.live);
         let steps = (begins.map(|begin| begin.step))

@@ -15,12 +15,14 @@ use hil_console::terminal::exit::Failure;
 use hil_recording::reader::RunReader;
 use hil_recording::schema::column_name;
 use shared_types::describe::{Description, LawDescription, PlantDescription};
+use shared_types::layout::SignalKind;
 use shared_types::number::exact_in;
 use shared_types::record::Validity;
 use shared_types::table::Field;
 
 use crate::programs::checked::checked;
 use crate::results::evaluation::RecordEvaluation;
+use crate::results::held_commands::HeldCommands;
 
 /// A recorded run.
 pub struct RecordedRun {
@@ -181,6 +183,25 @@ impl RecordedRun {
         let (columns, places) = self.columns(reader)?;
         let evaluation = RecordEvaluation::new(plan, &columns, places, self.validity(reader));
         evaluation.map_err(|error| error.to_string())
+    }
+
+    /// Returns the counts of held commands before the first record.
+    #[must_use]
+    pub fn held_commands(&self, reader: &RunReader) -> HeldCommands {
+        let layout = self.plan.record_layout(&self.plant, &self.law);
+        let names: Vec<String> = layout
+            .command
+            .iter()
+            .map(|field| field.name.clone())
+            .collect();
+        let sent = self.sent_commands();
+        let prefix = SignalKind::Command.prefix();
+        let bits = names.iter().enumerate().filter_map(|(index, name)| {
+            let (word, bit) = reader.invalid_bit(&format!("{prefix}.{name}"), &sent)?;
+            Some((word, bit, index))
+        });
+        let validity = Validity::new(bits);
+        HeldCommands::new(names, validity)
     }
 
     /// Finds the validity bits of the run's signals, counted from the first signal.

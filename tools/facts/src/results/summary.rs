@@ -3,6 +3,7 @@
 mod recorded;
 mod table;
 
+use hil_config::port::counts::Counts;
 use std::collections::BTreeMap;
 
 use hil_config::evaluation::MetricValue;
@@ -14,7 +15,7 @@ use shared_types::describe::PlantDescription;
 use shared_types::ignored::Ignored;
 use shared_types::origin::Build;
 use shared_types::pacer::Streaks;
-use shared_types::record::{Mark, Outcome, ValueChange};
+use shared_types::record::{BusCounts, Mark, Outcome, ValueChange};
 use shared_types::time::{Rate, Step};
 
 use crate::programs::binaries::{Binaries, Binary};
@@ -22,6 +23,7 @@ use crate::results::company::Company;
 use crate::results::ended::{EndedRun, Started};
 use crate::results::faults::Fault;
 use crate::results::handover::{ActiveController, Laws, active_controllers};
+use crate::results::held_commands::HeldCommand;
 use crate::results::latency::grade::Graded;
 use crate::results::latency::legs::Legs;
 use crate::results::latency::spikes::Spike;
@@ -61,6 +63,15 @@ pub struct Summary {
     overruns: Option<Overruns>,
     /// Missed commands; null unless the run was in real time or repeats a real-time run.
     missed_commands: Option<Missed>,
+    /// Commands that the plant held without a valid new value; absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    held_commands: Vec<HeldCommand>,
+    /// Counts of each frame of the bus; absent without one.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    bus: Vec<BusCounts>,
+    /// Counts of the port at the far end of which the controller is; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub port: Option<Counts>,
     rate_hz: f64,
     /// Number of recorded steps.
     pub steps: u64,
@@ -332,6 +343,9 @@ impl Summary {
             missed_commands: end
                 .filter(|end| plan.run.clock == Clock::Realtime || end.missed_commands.count > 0)
                 .map(|end| end.missed_commands.into()),
+            held_commands: recorded.held_commands.clone(),
+            bus: end.map(|end| end.bus.clone()).unwrap_or_default(),
+            port: None,
             rate_hz: plan.run.rate.hz(),
             steps,
             sim_time_s,

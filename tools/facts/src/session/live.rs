@@ -54,9 +54,9 @@ impl RequestError {
         };
         let text = refused_text(&problems);
         if json {
-            let told =
+            let result =
                 to_json(&Response::Refused { problems }).and_then(|json| output::write(&json));
-            if let Err(failure) = told {
+            if let Err(failure) = result {
                 return failure;
             }
         }

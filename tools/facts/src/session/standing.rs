@@ -148,7 +148,7 @@ pub fn listen(session: &SessionInfo, board: Arc<Board>) -> Result<Listening, Fai
 /// Queries the state of a session's requirements, with the account after the first `after` events.
 ///
 /// # Errors
-/// If nobody listens, for example in a session that is starting, or if `hil` is stopped.
+/// If nobody is listening, for example while the session is starting, or if `hil` is stopped.
 pub fn ask(session: &SessionInfo, after: usize) -> Result<Answer, LiveError> {
     live::ask_at(session, SOCKET, &Request { after }, ASK_LIMIT)
 }

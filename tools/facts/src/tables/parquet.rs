@@ -42,7 +42,7 @@ pub(super) fn open(path: &Path, _columns: &[&str]) -> Result<Box<dyn TableSource
         .map(|(at, field)| (at, ColumnName::with_unit(field.name(), unit(field))))
         .unzip();
     if names.is_empty() {
-        return Err(Refusal::new("it has no column of numbers", EXPECTED));
+        return Err(Refusal::new("the file has no column of numbers", EXPECTED));
     }
     Ok(Box::new(Table {
         reader,
@@ -71,14 +71,18 @@ impl TableSource for Table {
     fn read(&mut self, chosen: &[usize], take: &mut TakeRow<'_>) -> Result<(), Refusal> {
         let schema = self.reader.metadata().file_metadata().schema();
         // A projection keeps the order of the file.
-        let mut kept: Vec<usize> = chosen.iter().map(|&at| self.columns[at]).collect();
-        kept.sort_unstable();
-        kept.dedup();
-        let fields = kept
+        let mut indices: Vec<usize> = chosen.iter().map(|&at| self.columns[at]).collect();
+        indices.sort_unstable();
+        indices.dedup();
+        let fields = indices
             .iter()
             .map(|&at| schema.get_fields()[at].clone())
             .collect();
-        let place = |at: &usize| kept.iter().position(|column| *column == self.columns[*at]);
+        let place = |at: &usize| {
+            indices
+                .iter()
+                .position(|column| *column == self.columns[*at])
+        };
         let places: Vec<usize> = chosen.iter().filter_map(place).collect();
         let refused =
             |error: parquet::errors::ParquetError| Refusal::new(error.to_string(), EXPECTED);

@@ -71,43 +71,36 @@ fn run() -> Result<(u8, bool), String> {
     if is_loaded {
         imported.library = Some(fmu.needs().map_err(|error| with_name(&error))?);
     }
-    let imported = &imported;
-    let needs_tool = fmu.model().description.needs_tool;
-    match side.to_str() {
+    let model = fmu.model();
+    let (imported, needs_tool) = (&imported, model.description.needs_tool);
+    let code = match side.to_str() {
         Some("plant") => {
             let kind = sides::plant(&fmu).map_err(|error| with_name(&error))?;
             let inner = plant_process::program::of(NAME, VERSION, vec![kind]);
-            let model = fmu.model();
-            Ok((
-                program::answer(
-                    &Described {
-                        inner,
-                        imported,
-                        model,
-                    },
-                    rest,
-                ),
-                needs_tool,
-            ))
+            program::answer(
+                &Described {
+                    inner,
+                    imported,
+                    model,
+                },
+                rest,
+            )
         }
         Some("controller") => {
             let kind = sides::law(&fmu).map_err(|error| with_name(&error))?;
             let inner = controller_process::program::of(NAME, VERSION, vec![kind]);
-            let model = fmu.model();
-            Ok((
-                program::answer(
-                    &Described {
-                        inner,
-                        imported,
-                        model,
-                    },
-                    rest,
-                ),
-                needs_tool,
-            ))
+            program::answer(
+                &Described {
+                    inner,
+                    imported,
+                    model,
+                },
+                rest,
+            )
         }
-        _ => Err(USAGE.into()),
-    }
+        _ => return Err(USAGE.into()),
+    };
+    Ok((code, needs_tool))
 }
 
 fn pattern(text: Option<OsString>) -> Result<Pattern, String> {

@@ -17,10 +17,10 @@ use miniz_oxide::inflate::decompress_to_vec_with_limit;
 #[derive(Debug, thiserror::Error)]
 pub enum ArchiveError {
     /// The file cannot be read.
-    #[error("cannot read it: {0}")]
+    #[error("the archive cannot be read: {0}")]
     Read(#[from] io::Error),
     /// The file is not a ZIP archive, or a damaged one.
-    #[error("it is not a valid ZIP archive: {0}")]
+    #[error("not a valid ZIP archive: {0}")]
     Damaged(&'static str),
     /// The archive uses a feature that FMUs do not need.
     #[error("{0}, which is not supported")]
@@ -38,7 +38,7 @@ pub enum ArchiveError {
     #[error("{0}")]
     Large(String),
     /// The archive unpacks to more than the allowed ratio.
-    #[error("its entries unpack to {total_mib} MiB, more than {ratio} times its size")]
+    #[error("the archive unpacks to {total_mib} MiB, more than {ratio} times its size")]
     Ratio {
         /// Unpacked size of all entries, in MiB.
         total_mib: u64,
@@ -49,7 +49,7 @@ pub enum ArchiveError {
     #[error("entry {0:?} is damaged")]
     Content(String),
     /// The entry does not exist.
-    #[error("it has no {0}")]
+    #[error("the archive has no {0}")]
     Missing(String),
     /// A file cannot be written.
     #[error("cannot unpack {path}: {error}")]
@@ -147,7 +147,7 @@ impl Archive<File> {
     pub fn open(path: &Path, limits: &Limits) -> Result<Self, ArchiveError> {
         let file = File::open(path)?;
         if !file.metadata()?.is_file() {
-            return Err(ArchiveError::Damaged("it is not a regular file"));
+            return Err(ArchiveError::Damaged("not a regular file"));
         }
         Self::read(file, limits)
     }
@@ -162,13 +162,15 @@ impl<R: Read + Seek> Archive<R> {
         let length = source.seek(SeekFrom::End(0))?;
         if length > limits.archive {
             let most = limits.archive >> 20;
-            return Err(ArchiveError::Large(format!("it is larger than {most} MiB")));
+            return Err(ArchiveError::Large(format!(
+                "the archive is larger than {most} MiB"
+            )));
         }
         let end = EndRecord::find(&mut source, length)?;
         if usize::from(end.entries) > limits.entries {
             let (count, most) = (end.entries, limits.entries);
             return Err(ArchiveError::Large(format!(
-                "it has {count} entries, more than {most}"
+                "the archive has {count} entries, more than {most}"
             )));
         }
         let list = read_at(&mut source, end.list, end.list_bytes)?;
@@ -248,7 +250,7 @@ struct EndRecord {
 impl EndRecord {
     fn find<R: Read + Seek>(source: &mut R, length: u64) -> Result<Self, ArchiveError> {
         if length < END_BYTES {
-            return Err(ArchiveError::Damaged("it is too short"));
+            return Err(ArchiveError::Damaged("too short"));
         }
         let tail = length.min(END_BYTES + u64::from(u16::MAX));
         let bytes = read_at(source, length - tail, tail)?;
@@ -258,7 +260,7 @@ impl EndRecord {
             record.starts_with(&END_MARK) && usize::from(short(record, 20)) == comment.len()
         };
         let start = starts.into_iter().find(is_end);
-        let at = start.ok_or(ArchiveError::Damaged("it has no list of entries"))?;
+        let at = start.ok_or(ArchiveError::Damaged("no central directory"))?;
         let record = &bytes[at..];
         let (entries, list_bytes, list) = (
             short(record, 10),
@@ -267,18 +269,20 @@ impl EndRecord {
         );
         let is_large = entries == u16::MAX || list == u64::from(u32::MAX);
         if is_large {
-            return Err(ArchiveError::Unsupported("it is in ZIP64 format".into()));
+            return Err(ArchiveError::Unsupported(
+                "the archive is in ZIP64 format".into(),
+            ));
         }
         let is_split = short(record, 4) != 0 || short(record, 6) != 0;
         if is_split || short(record, 8) != entries {
             return Err(ArchiveError::Unsupported(
-                "it is one part of several".into(),
+                "the archive is one part of several".into(),
             ));
         }
         // Otherwise there are bytes outside of all entries, or the list is at another offset.
         if list + list_bytes != length - tail + at as u64 {
             return Err(ArchiveError::Damaged(
-                "its list of entries is not at the end",
+                "the central directory is not at the end",
             ));
         }
         Ok(Self {
@@ -293,12 +297,12 @@ fn listed(mut list: &[u8], count: u16) -> Result<Vec<Entry>, ArchiveError> {
     let mut entries = Vec::new();
     for _ in 0..count {
         if list.len() < LISTED_BYTES || !list.starts_with(&LISTED_MARK) {
-            return Err(ArchiveError::Damaged("its list of entries is truncated"));
+            return Err(ArchiveError::Damaged("the central directory is truncated"));
         }
         let [name, extra, comment] = [28, 30, 32].map(|at| usize::from(short(list, at)));
         let length = LISTED_BYTES + name + extra + comment;
         if list.len() < length {
-            return Err(ArchiveError::Damaged("its list of entries is truncated"));
+            return Err(ArchiveError::Damaged("the central directory is truncated"));
         }
         let (made_by, flags) = (list[5], short(list, 8));
         let mode = long(list, 38) >> 16;
@@ -339,7 +343,7 @@ fn listed(mut list: &[u8], count: u16) -> Result<Vec<Entry>, ArchiveError> {
     }
     match list.is_empty() {
         true => Ok(entries),
-        false => Err(ArchiveError::Damaged("its list of entries is too long")),
+        false => Err(ArchiveError::Damaged("the central directory is too long")),
     }
 }
 
@@ -384,7 +388,7 @@ fn check_size(entries: &[Entry], length: u64, limits: &Limits) -> Result<(), Arc
     if total > limits.total {
         let (total, most) = (total >> 20, limits.total >> 20);
         return Err(ArchiveError::Large(format!(
-            "its entries unpack to {total} MiB, more than {most} MiB"
+            "the entries unpack to {total} MiB, more than {most} MiB"
         )));
     }
     if total > limits.free && total / limits.ratio > length {
@@ -462,7 +466,7 @@ fn read_at<R: Read + Seek>(source: &mut R, at: u64, count: u64) -> Result<Vec<u8
     source.take(count).read_to_end(&mut bytes)?;
     match bytes.len() as u64 == count {
         true => Ok(bytes),
-        false => Err(ArchiveError::Damaged("it is truncated")),
+        false => Err(ArchiveError::Damaged("truncated")),
     }
 }
 

@@ -64,7 +64,7 @@ pub(super) struct Instance {
     tunable_places: Vec<usize>,
     /// Tunable parameters as currently set, and as requested.
     tuned: Vec<f64>,
-    wanted: Vec<f64>,
+    requested: Vec<f64>,
     unconfirmed: Unconfirmed,
     /// First parameter whose value at the FMU's start differs from the value that was set.
     other_start: Option<String>,
@@ -107,7 +107,7 @@ impl Instance {
             handle,
             life: Cell::new(Life::Made),
             parameters: values(&tables.parameters),
-            wanted: tuned.clone(),
+            requested: tuned.clone(),
             tuned,
             tunable_places,
             unconfirmed: Unconfirmed::default(),
@@ -233,8 +233,8 @@ impl Instance {
 
     /// Accepts a row of all parameters; tunable parameters take effect from the next step on.
     pub(super) fn retune(&mut self, parameters: &[f64]) {
-        for (wanted, &place) in self.wanted.iter_mut().zip(&self.tunable_places) {
-            *wanted = parameters[place];
+        for (requested, &place) in self.requested.iter_mut().zip(&self.tunable_places) {
+            *requested = parameters[place];
         }
     }
 

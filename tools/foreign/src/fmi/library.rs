@@ -26,13 +26,13 @@ pub(super) type Handle = *mut c_void;
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum LibraryError {
     /// The library cannot be loaded.
-    #[error("its library cannot be loaded: {0}")]
+    #[error("the FMU's library cannot be loaded: {0}")]
     Load(String),
     /// A function is missing.
-    #[error("its library has no function `{0}`")]
+    #[error("the FMU's library has no function `{0}`")]
     Missing(String),
     /// The versions of library and model description differ.
-    #[error("its library uses FMI {library}, but its model description uses {description}")]
+    #[error("the FMU's library uses FMI {library}, but the model description uses {description}")]
     Version {
         /// Version that the library reports.
         library: String,
@@ -156,7 +156,7 @@ pub(super) struct StateFunctions {
 /// Optional capabilities that a run uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Uses {
-    /// States are saved.
+    /// `true` if states are to be saved, which needs the state functions of the library.
     pub(super) state: bool,
     /// The library needs the tool that generated it.
     pub(super) tool: bool,
@@ -349,7 +349,8 @@ impl Find<'_> {
     }
 }
 
-/// Returns the names of the functions that read and write variables of a type, without the version prefix.
+/// Returns the names of the functions that read and write variables of a type, without the version prefix: `SetReal` for
+/// `fmi2SetReal`. Values pass through [`Access`], which `values` calls for each group of variables of one type.
 pub(super) fn access_names(
     version: Version,
     kind: VariableType,

@@ -54,7 +54,7 @@ pub enum FmuError {
     #[error(transparent)]
     Description(#[from] DescriptionError),
     /// There is no library for this machine.
-    #[error("it has no library for {platform}, {name}: {there}")]
+    #[error("the FMU has no library for {platform}, {name}: {there}")]
     Platform {
         /// Folder of this machine's libraries.
         platform: &'static str,
@@ -81,7 +81,7 @@ pub enum FmuError {
     #[error("{0}")]
     Invalid(String),
     /// The folder for unpacking cannot be created.
-    #[error("cannot make a folder to unpack into: {0}")]
+    #[error("cannot create a folder for unpacking: {0}")]
     Place(std::io::Error),
 }
 
@@ -208,8 +208,7 @@ impl Fmu {
                 "controller.allow_execution_tool",
             ];
             return Err(FmuError::Forbidden {
-                reason: "it declares that it needs the tool that generated it (needsExecutionTool)"
-                    .into(),
+                reason: "the FMU requires the tool that generated it (needsExecutionTool)".into(),
                 key: permissions.key(keys),
             });
         }
@@ -360,14 +359,14 @@ fn check_platform(
     });
     let existing = if !beside.is_empty() {
         let beside = beside.join(", ");
-        format!("{platform} has {beside}, and the name must be modelIdentifier's")
+        format!("{platform} contains {beside}, but the name must be the modelIdentifier")
     } else if has_sources {
-        "it has C sources; build its library with `python3 -m fmpy compile FILE.fmu`, or export it with one for Linux".into()
+        "the FMU has C sources; build the library with `python3 -m fmpy compile FILE.fmu`, or export the FMU with one for Linux".into()
     } else if folders.is_empty() {
-        "it has no library at all; export it with one for Linux".into()
+        "there is no library at all; export the FMU with one for Linux".into()
     } else {
         let folders = folders.into_iter().collect::<Vec<_>>().join(", ");
-        format!("it has those for {folders}; export it with one for Linux")
+        format!("there are libraries for {folders}; export the FMU with one for Linux")
     };
     Err(FmuError::Platform {
         platform,

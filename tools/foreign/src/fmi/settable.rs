@@ -39,7 +39,7 @@ pub(super) fn may_be_set(variable: &Variable) -> Result<(), &'static str> {
     }
 }
 
-/// Returns `true` if the text can be set.
+/// Returns `true` if the variable is a text that can be set.
 pub(super) fn is_settable_text(variable: &Variable) -> bool {
     variable.causality == Causality::Parameter && !variable.is_constant
         || may_be_set(variable).is_ok()

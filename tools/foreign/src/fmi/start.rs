@@ -114,19 +114,19 @@ impl Start {
 }
 
 /// Builds the preset of structural parameters, whose names and values were checked when the description was read.
-fn structural(model: &ModelDescription, given: &BTreeMap<String, u64>) -> Preset {
+fn structural(model: &ModelDescription, settings: &BTreeMap<String, u64>) -> Preset {
     let mut preset = Preset::default();
     for (place, variable) in model.variables.iter().enumerate() {
-        if let (true, [value]) = (given.contains_key(&variable.name), &variable.start[..]) {
+        if let (true, [value]) = (settings.contains_key(&variable.name), &variable.start[..]) {
             preset.push(place, 0, &variable.name, *value);
         }
     }
     preset
 }
 
-fn initial(model: &ModelDescription, given: &BTreeMap<String, f64>) -> Result<Preset, Invalid> {
+fn initial(model: &ModelDescription, settings: &BTreeMap<String, f64>) -> Result<Preset, Invalid> {
     let mut preset = Preset::default();
-    let mut rest = given.clone();
+    let mut rest = settings.clone();
     let mut values: BTreeMap<(VariableType, u32, usize), (String, f64)> = BTreeMap::new();
     for (place, variable) in model.variables.iter().enumerate() {
         if rest.is_empty() {
@@ -183,7 +183,7 @@ fn check_value(variable: &Variable, name: &str, value: f64) -> Result<(), Invali
     if variable.kind.range().is_none() {
         let kind = variable.kind.name();
         return Err(Invalid(format!(
-            "`initial.{name}`: it is a {kind}, not a number"
+            "`initial.{name}` is a {kind}, not a number"
         )));
     }
     let (min, max) = variable.bounds();
@@ -228,11 +228,13 @@ fn texts(
         };
         if !is_settable_text(variable) {
             return Err(Invalid(format!(
-                "`{key}.{name}`: it is neither a parameter nor an input, and its `initial` is neither exact nor approx"
+                "`{key}.{name}` is neither a parameter nor an input, and its `initial` is neither exact nor approx"
             )));
         }
         if !variable.dimensions.is_empty() {
-            return Err(Invalid(format!("`{key}.{name}`: it is an array of texts")));
+            return Err(Invalid(format!(
+                "`{key}.{name}` is an array of texts, which cannot be set"
+            )));
         }
         if key == "files" && !Path::new(text).exists() {
             return Err(Invalid(format!(

@@ -9,10 +9,11 @@ For an FMU it also shows which outputs depend directly on inputs, which inner si
 recorded, and what is left out and why. No code of an FMU is run, unless --load asks for it.
 For a port file, which begins with `port = 1`, it shows the signals and each frame field by field.
 
-Exit codes: 0 described; 2 no such file, not a program, a port file with mistakes, or an FMU that
+Exit codes: 0 described; 2 no such file or name, not a program, a port file with mistakes, or an FMU that
 cannot be run here.
 
 Examples:
+  hil describe drhas
   hil describe model.fmu
   hil describe controller.fmu --as controller
   hil describe model.fmu --load
@@ -22,7 +23,7 @@ Examples:
 /// Arguments of `hil describe`.
 #[derive(Debug, Args)]
 pub struct DescribeArguments {
-    /// A plant or controller program, an FMU, or a port file
+    /// A plant or controller program, an FMU, a port file, or the name of a built-in plant or law
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
     /// Describe an FMU as this side; a program has its own side

@@ -28,7 +28,7 @@ pub struct TargetCommand {
 pub enum TargetAction {
     /// Check whether a target can be reached and what it is fit for
     #[command(
-        after_help = "Exit codes: 0 it can be used; 2 it cannot as it was named; 3 it does not answer, or has no room in /dev/shm or in its cache folder.\n\nExample:\n  hil target check me@board"
+        after_help = "Exit codes: 0 the target can be used; 2 the target cannot be used as named; 3 the target does not answer, or has no room in /dev/shm or in its cache folder.\n\nExample:\n  hil target check me@board"
     )]
     Check(TargetContact),
     /// Remove the programs that are cached on a target

@@ -37,12 +37,12 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
                 )
             })?;
         }
-        ConfigAction::Show(shown) if shown.instruments => {
-            let (plan, binaries, _) = checked(&shown.scenario)?;
-            output::write(&instruments(&plan, &binaries, shown)?)?;
+        ConfigAction::Show(arguments) if arguments.instruments => {
+            let (plan, binaries, _) = checked(&arguments.scenario)?;
+            output::write(&instruments(&plan, &binaries, arguments)?)?;
         }
-        ConfigAction::Show(shown) => {
-            let (plan, binaries, interruption) = checked(&shown.scenario)?;
+        ConfigAction::Show(arguments) => {
+            let (plan, binaries, interruption) = checked(&arguments.scenario)?;
             output::write(&interruption.at_once(|| show(&plan, &binaries))??)?;
         }
         ConfigAction::Schema { study: true, .. } => {
@@ -60,19 +60,29 @@ pub(crate) fn config(arguments: &ConfigArguments) -> Result<Exit, Failure> {
 }
 
 /// Formats the figures of a plan's instruments as text or JSON.
-fn instruments(plan: &Plan, binaries: &Binaries, shown: &ShowArguments) -> Result<String, Failure> {
+fn instruments(
+    plan: &Plan,
+    binaries: &Binaries,
+    arguments: &ShowArguments,
+) -> Result<String, Failure> {
     let half_hz = plan.run.rate.hz() / 2.0;
-    if let Some(hz) = (shown.at_hz.iter()).find(|hz| !(**hz > 0.0 && **hz <= half_hz)) {
+    if let Some(hz) = (arguments.at_hz.iter()).find(|hz| !(**hz > 0.0 && **hz <= half_hz)) {
         return Err(Failure::usage(format!(
             "--at-hz {hz}: frequencies lie between 0 and half of run.rate_hz, {half_hz} Hz"
         )));
     }
-    let (plants, ..) = binaries.described();
+    let (plants, laws, _) = binaries.described();
     let plant = (plan.plant_among(plants))
         .ok_or_else(|| Failure::usage(format!("no plant `{}`", plan.plant.model)))?;
-    let text = match shown.scenario.json {
-        true => figures::json(plan, &plant, &shown.at_hz).map(|value| format!("{value:#}\n")),
-        false => figures::text(plan, &plant, &shown.at_hz),
+    let law = (plan.law_among(laws))
+        .ok_or_else(|| Failure::usage(format!("no law `{}`", plan.controller.law)))?;
+    let sides = figures::Sides {
+        plant: &plant,
+        law: &law,
+    };
+    let text = match arguments.scenario.json {
+        true => figures::json(plan, sides, &arguments.at_hz).map(|value| format!("{value:#}\n")),
+        false => figures::text(plan, sides, &arguments.at_hz),
     };
     text.map_err(Failure::usage)
 }

@@ -1,17 +1,21 @@
 //! `hil describe FILE`: prints the description of a program or an FMU against which scenarios are checked, or the
-//! tables and frames of a port file.
+//! tables and frames of a port file. A name in place of a file is a plant or a law of the programs next to `hil`.
 
 mod port;
 
+use std::collections::BTreeSet;
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 use hil_config::plan::Permissions;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left};
-use hil_facts::programs::binaries::Binary;
-use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
+use hil_facts::arguments::BinaryArguments;
+use hil_facts::programs::binaries::host::is_port_file;
+use hil_facts::programs::binaries::named::{CONTROLLER, Named, PLANT};
+use hil_facts::programs::binaries::{Binary, Choices};
 use serde_json::json;
 use shared_types::describe::{
     Description, Imported, LawDescription, LibraryNeeds, PlantDescription,
@@ -26,7 +30,7 @@ use crate::arguments::describe::{DescribeArguments, DescribedSide};
 /// # Errors
 /// If the file is neither a sound port file nor a program or an FMU that can run on this machine.
 pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
-    if port::is_port_file(&arguments.file) {
+    if is_port_file(&arguments.file) {
         return port::describe(arguments);
     }
     let interruption = Interruption::listen()?;
@@ -34,6 +38,14 @@ pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
         DescribedSide::Plant => &PLANT,
         DescribedSide::Controller => &CONTROLLER,
     };
+    if let Some((program, description)) = built_in(&arguments.file, &interruption)? {
+        let program = program.display().to_string();
+        let result = json!({ "file": program, "description": description });
+        return output::result(arguments.json, &result, || {
+            output::text(|text| write_all(text, &program, &description))
+        })
+        .map(|()| Exit::Pass);
+    }
     let permissions = Permissions {
         trust_archive: arguments.trust_archive,
         allow_execution_tool: arguments.allow_execution_tool,
@@ -61,9 +73,45 @@ pub(crate) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
     match library.and_then(|library| library.refusal.as_ref()) {
         None => Ok(Exit::Pass),
         Some(reason) => Err(Failure::usage(format!(
-            "{file}: its library cannot be loaded: {reason}"
+            "{file}: the FMU's library cannot be loaded: {reason}"
         ))),
     }
+}
+
+/// Returns the plant or the laws of this name with their program, which is one of those next to `hil` or in their place;
+/// `None` for the path of a file.
+///
+/// # Errors
+/// If there is neither a file nor a plant or a law of this name.
+fn built_in(
+    name: &Path,
+    interruption: &Interruption,
+) -> Result<Option<(PathBuf, Description)>, Failure> {
+    let is_name = name.components().count() == 1 && name.extension().is_none() && !name.exists();
+    let Some(name) = name.to_str().filter(|_| is_name) else {
+        return Ok(None);
+    };
+    let choices = Choices::of(&BinaryArguments::default(), &Named::Nothing, None)?;
+    let binaries = choices.find(interruption)?;
+    let [mut plant, mut controller] = [binaries.plant.clone(), binaries.controller.clone()];
+    (plant.description.plants).retain(|one| one.name == name);
+    (controller.description.laws).retain(|one| one.name == name);
+    if !plant.description.plants.is_empty() {
+        return Ok(Some((plant.path, plant.description)));
+    }
+    if !controller.description.laws.is_empty() {
+        return Ok(Some((controller.path, controller.description)));
+    }
+    let (plants, laws, _) = binaries.described();
+    let names: BTreeSet<String> = { plants.iter().map(|plant| &plant.name) }
+        .chain(laws.iter().map(|law| &law.name))
+        .map(|name| format!("`{name}`"))
+        .collect();
+    let names: Vec<String> = names.into_iter().collect();
+    Err(Failure::usage(format!(
+        "there is neither a file `{name}` nor a plant or a law of that name; there are {}",
+        listed(&names)
+    )))
 }
 
 type Written = std::fmt::Result;
@@ -183,7 +231,7 @@ fn write_format(text: &mut String, imported: &Imported) -> Written {
     if let Some(step_s) = imported.internal_step_s {
         writeln!(
             text,
-            "moves in steps of {} s: a period must be a multiple",
+            "advances in steps of {} s; the period of a run must be a multiple of this",
             exact(step_s)
         )?;
     }
@@ -198,7 +246,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
     if !imported.direct.is_empty() {
         writeln!(
             text,
-            "\noutputs with direct feedthrough; they reflect {direct}:"
+            "\noutputs with direct feedthrough, which reflect {direct}:"
         )?;
     }
     for direct in &imported.direct {
@@ -244,7 +292,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
 }
 
 fn write_library(text: &mut String, library: &LibraryNeeds) -> Written {
-    writeln!(text, "\nits library needs: {}", listed(&library.needs))?;
+    writeln!(text, "\nthe library needs: {}", listed(&library.needs))?;
     writeln!(
         text,
         "missing libraries: {}",

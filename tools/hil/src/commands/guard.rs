@@ -246,9 +246,7 @@ const fn cause(signal: c_int) -> &'static str {
         SIGSEGV | SIGABRT => {
             "a plant or controller can cause this by overwriting the memory that it shares with hil; look for a wild pointer in code that is not safe Rust"
         }
-        SIGKILL => {
-            "it was killed by a user, or by the kernel because memory ran out; see `sudo dmesg`"
-        }
-        _ => "it was killed by a user, or by a limit of the system; see `ulimit -a`",
+        SIGKILL => "a user killed hil, or the kernel did because memory ran out; see `sudo dmesg`",
+        _ => "a user or a limit of the system ended hil; see `ulimit -a`",
     }
 }

@@ -105,7 +105,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         // A checksum error could be anywhere, for example in a value.
         if !outcome.has_result() || state == State::Damaged {
             let doubt = unvouched.as_ref();
-            let doubt = doubt.map_or_else(String::new, |doubt| format!("; {}", doubt.told));
+            let doubt = doubt.map_or_else(String::new, |doubt| format!("; {}", doubt.text));
             reason = Some(match &outcome.damage {
                 Some(damage) => format!("recovered: {damage}{doubt}"),
                 None => {
@@ -155,7 +155,7 @@ fn recovered(run: &Path, output: Option<&Path>) -> Result<Recovered, Failure> {
         whole_bytes,
         digest,
         vouched_records: (unvouched.as_ref()).map_or(records, |unvouched| unvouched.records),
-        unvouched: unvouched.map(|unvouched| unvouched.told),
+        unvouched: unvouched.map(|unvouched| unvouched.text),
         reason,
         summary: summary.map(|path| path.display().to_string()),
     })

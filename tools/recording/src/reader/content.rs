@@ -22,7 +22,7 @@ const LONGEST_RECORD: usize = 1 << 28;
 const HEAD_BYTES: usize = 9;
 /// Byte that replaces lost data after a power failure.
 const ZEROS: u8 = 0;
-const NOT_AS_LONG: &str = "a chunk differs in length from its header";
+const NOT_AS_LONG: &str = "the length of a chunk differs from that in its header";
 
 /// Kind of end of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -127,7 +127,7 @@ impl Content {
                     let behind = length.saturating_sub(at + mcap::MAGIC.len() as u64);
                     if behind > 0 {
                         return Err(damaged(format!(
-                            "{behind} bytes follow the end of the file's content"
+                            "{behind} bytes follow the closing magic bytes"
                         )));
                     }
                     self.end = Some(FileEnd::Whole);
@@ -173,7 +173,9 @@ impl Content {
                     continue;
                 }
                 Some(Err(McapError::BadMagic)) if at <= mcap::MAGIC.len() as u64 => {
-                    return Err(damaged("the file does not begin like an MCAP file".into()));
+                    return Err(damaged(
+                        "the file does not begin with the magic bytes of MCAP".into(),
+                    ));
                 }
                 Some(Err(McapError::BadSummaryCrc { .. })) => return Err(wrong_sum(at)),
                 Some(Err(error)) => return Err(damaged(error.to_string())),
@@ -248,7 +250,7 @@ impl Content {
             .take(limit)
             .read_to_end(&mut self.outside)?;
         if mark::is_among(&self.outside, at) {
-            let what = "a length is wrong: complete records follow".into();
+            let what = "the length of a record is wrong: complete records follow".into();
             return Err(ContentError::Damaged { at, what });
         }
         self.end = Some(FileEnd::Torn(at));
@@ -311,7 +313,7 @@ fn add_up(
 ) -> Result<bool, String> {
     let Some(hasher) = sum else {
         return match opcode {
-            mark::OPCODE => Err("a mark after the end".into()),
+            mark::OPCODE => Err("a checksum mark follows the end of the data".into()),
             _ => Ok(true),
         };
     };
@@ -328,7 +330,7 @@ fn add_up(
             *sum = None;
             return Ok(fits);
         }
-        op::FOOTER => return Err("it ends without the checksum of its records".into()),
+        op::FOOTER => return Err("the data ends without the checksum of its records".into()),
         _ => {}
     }
     hasher.update(&[opcode]);

@@ -31,13 +31,13 @@ pub enum ReadError {
     },
     /// The recording contains only a part of the run.
     #[error(
-        "{path} is an excerpt ({kept}), but the whole run is needed: record it without --record, --record-every and --record-around-faults"
+        "{path} is an excerpt ({selection}), but the whole run is needed: record it without --record, --record-every and --record-around-faults"
     )]
     Excerpt {
         /// Path of the recording.
         path: PathBuf,
         /// Description of the recorded part.
-        kept: String,
+        selection: String,
     },
     /// The file is damaged, beyond a missing end.
     #[error(

@@ -15,7 +15,7 @@ pub struct Unvouched {
     /// Number of records before this part.
     pub records: u64,
     /// Description of the part for a person.
-    pub told: String,
+    pub text: String,
 }
 
 impl RunReader {
@@ -24,7 +24,7 @@ impl RunReader {
     #[must_use]
     pub fn caveat(&self) -> Option<String> {
         let (path, records) = (self.path.display(), self.records);
-        let doubt = self.unvouched().map(|unvouched| unvouched.told);
+        let doubt = self.unvouched().map(|unvouched| unvouched.text);
         if !matches!(self.content.end(), Some(FileEnd::Torn(_))) {
             return doubt.map(|description| format!("{path} was recovered: {description}"));
         }
@@ -40,7 +40,7 @@ impl RunReader {
         let before = || {
             Some(Unvouched {
                 records: self.fact(VOUCHED)?.parse().ok()?,
-                told: self.fact(UNVOUCHED)?.to_owned(),
+                text: self.fact(UNVOUCHED)?.to_owned(),
             })
         };
         let now = || {
@@ -55,7 +55,7 @@ impl RunReader {
             let records = self.vouched.unwrap_or_default();
             (!self.is_vouched && !self.is_whole()).then_some(Unvouched {
                 records,
-                told: description,
+                text: description,
             })
         };
         let both = [before(), now()].into_iter().flatten();

@@ -46,6 +46,7 @@ pub(crate) fn taken(step: u64) -> Event {
 }
 
 /// Item of a recording, in order.
+#[expect(clippy::large_enum_variant, reason = "a test has few of them")]
 pub(crate) enum Content {
     Record(Vec<u64>),
     Event(Event),

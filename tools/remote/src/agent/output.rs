@@ -57,8 +57,8 @@ impl Output {
         let value = |field: &Field| safe.get(&field.name).unwrap_or(0.0);
         let safe: Vec<f64> = commands.iter().map(value).collect();
         let table = Table { commands, safe };
-        let told = session.write_file(TABLE_FILE, &table);
-        told.map_err(|error| error.to_string())?;
+        let result = session.write_file(TABLE_FILE, &table);
+        result.map_err(|error| error.to_string())?;
         let path = session.folder.join(FILE);
         let file = create(&path).map_err(|error| format!("{}: {error}", path.display()))?;
         let mut output = Self {
@@ -185,9 +185,9 @@ mod tests {
         assert!(output.is_finite(&[1.0, 2.0, f64::NAN]), "an internal");
         output.put(9, &[4.0, 5.0, 6.0]);
         assert_eq!(read(&path), (9, false, vec![4.0, 5.0]));
-        let kept = session.info().folder.join("kept");
-        std::fs::hard_link(&path, &kept).expect("linked");
+        let link = session.info().folder.join("kept");
+        std::fs::hard_link(&path, &link).expect("linked");
         drop(output);
-        assert_eq!(read(&kept), (9, true, vec![0.0, -0.5]));
+        assert_eq!(read(&link), (9, true, vec![0.0, -0.5]));
     }
 }

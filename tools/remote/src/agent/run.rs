@@ -153,11 +153,11 @@ impl<'a> Run<'a> {
 
     /// Returns `true` if a message arrived; `None` at the end of the channel.
     fn hear_channel(&mut self) -> Result<Option<bool>, String> {
-        let Some(heard) = self.ear.next() else {
+        let Some(incoming) = self.ear.next() else {
             return Ok(Some(false));
         };
         self.heard_ns = monotonic_ns();
-        match heard {
+        match incoming {
             Heard::Closed(_) => return Ok(None),
             Heard::Packet(bytes) => {
                 if let Some(packet) = Packet::read(&bytes) {
@@ -173,8 +173,8 @@ impl<'a> Run<'a> {
 
     /// Passes on a control message of the plant; the frames are opened before the controller receives the message.
     fn control(&mut self, content: &str) -> Result<(), String> {
-        let said = Control::from_bytes(content.as_bytes());
-        if let Ok(Control::Welcome(welcome)) = &said {
+        let control = Control::from_bytes(content.as_bytes());
+        if let Ok(Control::Welcome(welcome)) = &control {
             let spec = FrameSpec {
                 identity: welcome.frame_identity(),
                 outgoing: welcome.sample.len(),
@@ -196,7 +196,7 @@ impl<'a> Run<'a> {
         self.link
             .send_control(content.as_bytes())
             .map_err(described)?;
-        if let Ok(Control::Tuned(tuned)) = said {
+        if let Ok(Control::Tuned(tuned)) = control {
             self.tuning = self.tuning.max(tuned.number);
             if let Some((packet, carrier)) = self.waiting.take() {
                 return self.take(packet, carrier).map_err(described);
@@ -264,7 +264,7 @@ impl<'a> Run<'a> {
     }
 
     fn answer(&mut self) {
-        let carriers = self.route.of_answer(self.end.heard(), monotonic_ns());
+        let carriers = self.route.of_answer(self.end.received(), monotonic_ns());
         self.send(carriers);
     }
 

@@ -45,7 +45,7 @@ pub(super) enum Event {
     Passed {
         now_ns: u64,
         is_silent: bool,
-        given: Option<u64>,
+        delivered: Option<u64>,
     },
 }
 
@@ -84,13 +84,13 @@ impl Life {
                 Event::Passed {
                     now_ns,
                     is_silent,
-                    given,
+                    delivered,
                 },
             ) => {
                 let is_over = |since_ns: u64, most_ns| now_ns.saturating_sub(since_ns) > most_ns;
                 let action = match &state {
                     Self::Ended { since_ns, exit }
-                        if given.is_none_or(|given| given >= exit.said)
+                        if delivered.is_none_or(|delivered| delivered >= exit.said)
                             || is_over(*since_ns, PARTING_NS) =>
                     {
                         Action::Finish(exit.clone())
@@ -145,7 +145,7 @@ mod tests {
             (exited, [(); 4].map(|()| (ended(&second), Nothing))),
         ];
         let finish = || Finish(first.clone());
-        #[rustfmt::skip] // after a time, with a silent target and so many frames given: the consequence in each state
+        #[rustfmt::skip] // after a time, with a silent target and so many frames delivered: the consequence in each state
         let times = [
             (PARTING_NS, false, Some(4), [Nothing, Nothing, Nothing, Nothing]),
             (PARTING_NS + 1, false, Some(4), [Nothing, Nothing, Nothing, finish()]),
@@ -156,7 +156,7 @@ mod tests {
             (STOPPING_NS + 1, true, Some(5), [GiveUpSilent, GiveUpStop, GiveUpStop, finish()]),
             (0, true, Some(4), [GiveUpSilent, GiveUpSilent, GiveUpSilent, GiveUpSilent]),
         ];
-        for (after_ns, is_silent, given, actions) in times {
+        for (after_ns, is_silent, delivered, actions) in times {
             let now_ns = since_ns + after_ns;
             let [a, b, c, d] = states();
             let [i, j, k, l] = actions;
@@ -165,7 +165,7 @@ mod tests {
                 Event::Passed {
                     now_ns,
                     is_silent,
-                    given,
+                    delivered,
                 },
                 row,
             ));

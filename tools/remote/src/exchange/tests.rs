@@ -193,7 +193,7 @@ impl Realtime {
     /// Creates a run whose first step is over: the plant waits for its command.
     fn new(random: Random, percent: u64, idle: u64, longest: u64) -> Self {
         let mut target = TargetEnd::new(true);
-        target.given[0] = Some(0);
+        target.delivered[0] = Some(0);
         target.say(&command(0), &[0.0]);
         Self {
             random,
@@ -358,7 +358,7 @@ fn is_given(target: &mut TargetEnd, number: u64, met: u64) -> bool {
         values: vec![0.0],
     };
     let frame = Some(frame);
-    target.take(Packet { heard: 0, frame }).is_some()
+    target.take(Packet { received: 0, frame }).is_some()
 }
 
 /// Creates a target whose controller answered the samples of steps 0 and 1, of which the plant saw the first.
@@ -370,7 +370,7 @@ fn at_step_1() -> TargetEnd {
         values: vec![0.0],
     };
     let frame = Some(first);
-    assert!(target.take(Packet { heard: 0, frame }).is_some());
+    assert!(target.take(Packet { received: 0, frame }).is_some());
     target.say(&command(0), &[0.0]);
     assert!(is_given(&mut target, 1, 0));
     target.say(&command_after(1, &[0]), &[0.0]);
@@ -454,7 +454,7 @@ fn confirmations_of_unsent_frames_are_ignored() {
     desk.say(&sample(0), &[0.0]);
     desk.packet(1, &mut bytes);
     let lie = Packet {
-        heard: u64::MAX,
+        received: u64::MAX,
         frame: None,
     };
     assert!(desk.take(lie, 2).is_none());

@@ -206,7 +206,7 @@ impl World {
             ..Header::new(FrameKind::Command, Step(step))
         };
         self.target.say(&header, &[1.5]);
-        let carriers = (self.target_route).of_answer(self.target.heard(), self.now_ns);
+        let carriers = (self.target_route).of_answer(self.target.received(), self.now_ns);
         self.target_speaks(carriers);
     }
 

@@ -104,7 +104,7 @@ impl Turn {
 }
 
 fn busy(by: SocketAddr, advice: &str) -> String {
-    format!("it serves another session, of {by}: {advice}")
+    format!("it serves another session, from {by}: {advice}")
 }
 
 #[cfg(test)]
@@ -119,7 +119,7 @@ mod tests {
         let reason = turn.take_within(address(2), Duration::ZERO);
         let reason = reason.expect_err("busy");
         assert!(
-            reason.contains("another session, of 192.0.2.7:1"),
+            reason.contains("another session, from 192.0.2.7:1"),
             "{reason}"
         );
         std::thread::scope(|scope| {
@@ -155,7 +155,7 @@ mod tests {
                 turn.take_within(address(3), hour).map(drop),
             ] {
                 let reason = refused.expect_err("busy");
-                assert!(reason.contains("of 192.0.2.7:1"), "{reason}");
+                assert!(reason.contains("from 192.0.2.7:1"), "{reason}");
             }
             // The end of a run that is ending is awaited.
             turn.runs(false);

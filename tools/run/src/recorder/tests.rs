@@ -17,7 +17,7 @@ use crate::rig::plan;
 /// Stream of some records whose plant is dead; each poll delivers a few.
 struct Remainder {
     records: u64,
-    taken: u64,
+    consumed: u64,
 }
 
 /// Returns the expected record of a step of the plan, answered by a controller.
@@ -29,7 +29,7 @@ fn due(step: u64) -> Vec<u64> {
 }
 
 /// Returns the recorder's results after these items, with this clock.
-fn taken(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
+fn recorded(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
     struct Once<'a>(Vec<Item<'a>>);
     impl RecordSource for Once<'_> {
         fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
@@ -51,7 +51,7 @@ fn taken(clock: Clock, items: Vec<Item<'_>>) -> Recorded {
 
 #[track_caller]
 fn refused(clock: Clock, items: Vec<Item<'_>>, records: u64, expected: &str) {
-    let recorded = taken(clock, items);
+    let recorded = recorded(clock, items);
     let error = recorded.error.expect("it is refused");
     assert!(error.contains(expected), "{error}");
     assert_eq!(recorded.records, records);
@@ -66,7 +66,7 @@ fn each_record_must_be_of_the_next_step() {
             .map(|step| Item::Record(&records[*step]))
             .collect()
     };
-    assert_eq!(taken(Clock::Lockstep, some(&[0, 1, 2])).error, None);
+    assert_eq!(recorded(Clock::Lockstep, some(&[0, 1, 2])).error, None);
     #[rustfmt::skip] // a table
     let cases = [
         (&[0, 1, 3, 4][..], 2, "received a record of step 3 instead of step 2"),
@@ -105,7 +105,7 @@ fn each_record_must_be_of_the_next_step() {
 fn lost_items_are_counted_in_real_time_and_refused_in_lockstep() {
     let [zero, three, five] = [due(0), due(3), due(5)];
     let lossy = || vec![Item::Record(&zero), Item::Lost(2), Item::Record(&three)];
-    let recorded = taken(Clock::Realtime, lossy());
+    let recorded = recorded(Clock::Realtime, lossy());
     assert_eq!(
         (recorded.records, recorded.lost, recorded.error),
         (2, 2, None)
@@ -173,7 +173,7 @@ fn impossible_events_are_refused() {
         0,
         "continued after the end",
     );
-    let recorded = taken(clock, vec![end()]);
+    let recorded = recorded(clock, vec![end()]);
     assert_eq!(recorded.error, None);
     let reason = recorded.end.and_then(|end| end.reason);
     assert_eq!(reason.as_deref(), Some("well \u{fffd}[2J"));
@@ -181,12 +181,12 @@ fn impossible_events_are_refused() {
 
 impl RecordSource for Remainder {
     fn drain(&mut self, take: &mut dyn FnMut(Item<'_>)) -> Result<usize, LinkError> {
-        let until = (self.taken + 7).min(self.records);
-        let count = until - self.taken;
-        for step in self.taken..until {
+        let until = (self.consumed + 7).min(self.records);
+        let count = until - self.consumed;
+        for step in self.consumed..until {
             take(Item::Record(&due(step)));
         }
-        self.taken = until;
+        self.consumed = until;
         Ok(count as usize)
     }
 }
@@ -200,7 +200,7 @@ fn the_stream_of_a_dead_plant_is_drained() {
     work.layout = layout();
     work.drain(&mut Remainder {
         records: 500,
-        taken: 0,
+        consumed: 0,
     });
     let recorded = work.finish();
     assert_eq!((recorded.records, recorded.lost), (500, 0));
@@ -251,7 +251,7 @@ fn more_or_longer_marks_than_a_plant_accepts_are_refused() {
         }))
     };
     let allowed = (0..MOST_MARKS).map(|_| mark(&"µ".repeat(LONGEST_MARK)));
-    let recorded = taken(Clock::Lockstep, allowed.collect());
+    let recorded = recorded(Clock::Lockstep, allowed.collect());
     assert_eq!((recorded.error, recorded.marks.len()), (None, MOST_MARKS));
     let more = (0..=MOST_MARKS).map(|_| mark("x")).collect();
     refused(Clock::Lockstep, more, 0, "more than 10000 marks");

@@ -11,6 +11,7 @@ use hil_facts::results::curve::Grid;
 use hil_facts::results::curves::CurveTaker;
 use hil_facts::results::ending;
 use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::results::held_commands::HeldCommands;
 use hil_facts::results::latency::legs::Latency;
 use hil_facts::results::recorded::{Recorded, Stretch};
 use hil_facts::session::happening::Happening;
@@ -38,7 +39,7 @@ pub(super) struct RecorderWork {
     /// Grid of the curve, if one is recorded.
     grid: Option<Arc<Grid>>,
     pub(super) layout: RecordLayout,
-    heard: Validator,
+    validator: Validator,
     recording: Option<Recording>,
     digest: Digest,
     collector: Collector,
@@ -63,7 +64,7 @@ impl RecorderWork {
             shared,
             grid: None,
             layout: RecordLayout::default(),
-            heard: Validator::default(),
+            validator: Validator::default(),
             recording: None,
             digest: Digest::default(),
         }
@@ -137,6 +138,7 @@ impl RecorderWork {
             Err(error) => self.fail(format!("cannot evaluate the scenario: {error}")),
         }
         let grid = self.grid.clone();
+        self.collector.held_commands = HeldCommands::of(&layout);
         self.collector.curve = grid.map(|grid| CurveTaker::new(grid, &self.plan, &layout));
         if let Some(plan) = &self.recording_plan {
             let part = (!plan.choice.is_all()).then_some(Part {
@@ -198,12 +200,12 @@ impl RecorderWork {
             return self.refuse("the record stream continued after the end of the run".into());
         }
         match item {
-            Item::Record(_) if self.heard.is_broken() => {}
+            Item::Record(_) if self.validator.is_broken() => {}
             Item::Record(words) if words.len() == self.layout.words() => {
                 let view = self.layout.view(words);
-                let validated = self
-                    .heard
-                    .record(&self.plan, &view, self.collector.recorded.lost);
+                let validated =
+                    self.validator
+                        .record(&self.plan, &view, self.collector.recorded.lost);
                 if let Err(error) = validated {
                     return self.refuse(error);
                 }
@@ -219,7 +221,7 @@ impl RecorderWork {
                     let accepted = recorded.faults.accepted.len();
                     (recorded.stretches).push(Stretch::new(recorded.records, accepted));
                 }
-                (self.shared.next_step).store(self.heard.next_step(), Ordering::Relaxed);
+                (self.shared.next_step).store(self.validator.next_step(), Ordering::Relaxed);
                 self.write(|recording| recording.record(words, &view));
             }
             Item::Record(words) => {
@@ -231,7 +233,7 @@ impl RecorderWork {
             Item::Event(event) => {
                 let event = clean(event);
                 let validated = self
-                    .heard
+                    .validator
                     .event(&self.plan, &event, &self.collector.recorded);
                 if let Err(error) = validated {
                     return self.refuse(error);
@@ -243,7 +245,7 @@ impl RecorderWork {
             Item::Lost(count) => {
                 self.collector.recorded.lost = self.collector.recorded.lost.saturating_add(count);
                 if self.plan.run.clock != Clock::Realtime {
-                    let next = self.heard.next_step();
+                    let next = self.validator.next_step();
                     self.refuse(format!(
                         "{count} items of the record stream were lost before step {next}, but none may be lost"
                     ));
@@ -354,7 +356,7 @@ impl RecorderWork {
 
     /// Fails with this error, and trusts no later record.
     fn refuse(&mut self, error: String) {
-        self.heard.broke();
+        self.validator.broke();
         self.fail(error);
     }
 

@@ -270,7 +270,7 @@ impl ComparisonPass {
             records: reader.records(),
             digest: reader.digest(),
             whole: reader.is_whole(),
-            unvouched: reader.unvouched().map(|unvouched| unvouched.told),
+            unvouched: reader.unvouched().map(|unvouched| unvouched.text),
         };
         let is_near = |pair: &CommonWord| pair.deviation.is_within();
         let are_near = self.columns.iter().all(is_near);

@@ -173,7 +173,7 @@ impl Places {
             })
             .collect();
         if answer.is_empty() {
-            return Err("it contains no output of its controller".into());
+            return Err("it contains no output of a controller".into());
         }
         Ok(Self {
             sample_invalid: bits("sample_invalid"),

@@ -133,6 +133,8 @@ fn refuse(case: &Case) -> Result<(), Failure> {
         "--audit repeats a run, and a plant behind a port does not repeat; compare runs with `hil compare --tolerance`"
     } else if case.plan.run.clock == Clock::Realtime {
         "a real-time run depends on late commands; audit it with --clock lockstep"
+    } else if !case.environment.binaries.controller.is_repeatable() {
+        "the far end of the port keeps a clock of its own (`repeatable = false`), so equal runs differ and there is nothing to audit"
     } else {
         return Ok(());
     };

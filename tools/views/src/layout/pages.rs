@@ -30,7 +30,7 @@ pub(crate) fn of(columns: &[Column], plan: Option<&Plan>) -> Vec<Page> {
     let plots = choose(&Choice {
         columns,
         subjects: &[subject],
-        asked: &[],
+        patterns: &[],
         values: None,
     });
     let mut pages = Vec::new();

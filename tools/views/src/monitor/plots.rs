@@ -91,7 +91,7 @@ pub(crate) fn chosen(
         plots = choose(&Choice {
             columns: &recorded,
             subjects: &[subject],
-            asked: &[],
+            patterns: &[],
             values: None,
         });
     }

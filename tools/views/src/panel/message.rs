@@ -53,14 +53,13 @@ pub enum ClientMessage {
         /// Number, repeated in the answer.
         number: u32,
         /// Action.
-        #[serde(rename = "deed")]
         action: Action,
     },
 }
 
 /// Action on a session.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
-#[serde(tag = "deed", rename_all = "kebab-case", deny_unknown_fields)]
+#[serde(tag = "kind", rename_all = "kebab-case", deny_unknown_fields)]
 pub enum Action {
     /// Pause before the next step.
     Pause {},
@@ -231,12 +230,12 @@ mod tests {
         for text in [
             r#"{"ask":"view","number":1,"window_s":5}"#,
             r#"{"ask":"seen","number":7}"#,
-            r#"{"ask":"do","number":1,"deed":{"deed":"pause"}}"#,
-            r#"{"ask":"do","number":2,"deed":{"deed":"clear","fault":null}}"#,
-            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
-            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"set":[{"key":"controller.pid.command_limit_n","value":"inf"}]}}}"#,
-            r#"{"ask":"do","number":2,"deed":{"deed":"set","change":{"clear":["reference.position_m"]}}}"#,
-            r#"{"ask":"do","number":3,"deed":{"deed":"inject","words":"bias measured.x_m 1"}}"#,
+            r#"{"ask":"do","number":1,"action":{"kind":"pause"}}"#,
+            r#"{"ask":"do","number":2,"action":{"kind":"clear","fault":null}}"#,
+            r#"{"ask":"do","number":2,"action":{"kind":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
+            r#"{"ask":"do","number":2,"action":{"kind":"set","change":{"set":[{"key":"controller.pid.command_limit_n","value":"inf"}]}}}"#,
+            r#"{"ask":"do","number":2,"action":{"kind":"set","change":{"clear":["reference.position_m"]}}}"#,
+            r#"{"ask":"do","number":3,"action":{"kind":"inject","words":"bias measured.x_m 1"}}"#,
         ] {
             parse(text).expect(text);
         }
@@ -245,10 +244,10 @@ mod tests {
             "null",
             r#"{"ask":"view","number":1,"window_s":1e9}"#,
             r#"{"ask":"view","number":-1,"window_s":5}"#,
-            r#"{"ask":"do","number":1,"deed":{"deed":"swap"}}"#,
-            r#"{"ask":"do","number":1,"deed":{"deed":"set","change":{"set":{"plant.parameters.mass_kg":1.2}}}}"#,
-            r#"{"ask":"do","number":1,"deed":{"deed":"set","change":{"set":[],"file":"x"}}}"#,
-            r#"{"ask":"do","number":1,"deed":{"deed":"pause","at":3}}"#,
+            r#"{"ask":"do","number":1,"action":{"kind":"swap"}}"#,
+            r#"{"ask":"do","number":1,"action":{"kind":"set","change":{"set":{"plant.parameters.mass_kg":1.2}}}}"#,
+            r#"{"ask":"do","number":1,"action":{"kind":"set","change":{"set":[],"file":"x"}}}"#,
+            r#"{"ask":"do","number":1,"action":{"kind":"pause","at":3}}"#,
             r#"{"ask":"run","program":"sh"}"#,
         ] {
             parse(text).expect_err(text);

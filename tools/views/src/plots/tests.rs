@@ -15,7 +15,7 @@ fn shown(signals: &[(&str, &str)], subject: Subject<'_>) -> Vec<(&'static str, S
     let plots = choose(&Choice {
         columns: &columns(signals),
         subjects: &[subject],
-        asked: &[],
+        patterns: &[],
         values: None,
     });
     let summaries = plots
@@ -71,7 +71,7 @@ fn plots_have_few_signals_of_one_unit_and_fewer_where_runs_overlap() {
         let plots = choose(&Choice {
             columns: &columns(&signals),
             subjects: &subjects,
-            asked: &[],
+            patterns: &[],
             values: None,
         });
         let counts: Vec<usize> = plots.iter().map(|plot| plot.signals.len()).collect();
@@ -111,7 +111,7 @@ fn the_scenario_comes_first_then_what_its_requirements_compare_with_their_levels
     let plots = choose(&Choice {
         columns: &columns.collect::<Vec<_>>(),
         subjects: &[subject],
-        asked: &[Pattern::new("truth.velo*").expect("a pattern")],
+        patterns: &[Pattern::new("truth.velo*").expect("a pattern")],
         values: None,
     });
     let headings: Vec<_> = plots
@@ -160,7 +160,7 @@ fn known_values_exclude_sensors_and_parameters_unaffected_by_faults() {
     let plots = choose(&Choice {
         columns: &columns,
         subjects: &[Subject::default()],
-        asked: &[],
+        patterns: &[],
         values: Some(&OneFault),
     });
     let signals: Vec<_> = plots.iter().map(|plot| plot.signals.join(" ")).collect();

@@ -35,7 +35,7 @@ pub(super) fn plots(
     signals: &[Signals],
     bounds: Vec<Vec<Bound>>,
     grid: &Grid,
-    asked: &[Pattern],
+    patterns: &[Pattern],
 ) -> Vec<Plot> {
     let mut columns: Vec<Column> = Vec::new();
     for (name, unit, _) in signals.iter().flat_map(Signals::iter) {
@@ -54,7 +54,7 @@ pub(super) fn plots(
     let selected = plots::choose(&Choice {
         columns: &columns,
         subjects: &subjects,
-        asked,
+        patterns,
         values: Some(&signals),
     });
     let of_runs = (0..).zip(runs.iter().zip(signals)).zip(&subjects);

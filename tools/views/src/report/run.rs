@@ -95,7 +95,7 @@ impl Run {
             Err(failure) if by.is_some() => return Err(failure),
             Err(failure) => {
                 notes.push(format!(
-                    "its scenario is invalid, so nothing is judged or derived: {failure}"
+                    "the scenario of the run is invalid, so nothing is judged or derived: {failure}"
                 ));
                 None
             }
@@ -354,7 +354,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
         ends.insert((ended.id, ended.effect), ended.step);
     }
     let mut events: BTreeMap<u32, (String, u64, Option<u64>)> = BTreeMap::new();
-    for begun in &faults.taken {
+    for begun in &faults.begun {
         let until = ends.get(&(begun.id, begun.effect)).copied();
         events
             .entry(begun.id)

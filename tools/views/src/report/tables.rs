@@ -135,8 +135,8 @@ fn margin(run: usize, judged: &Requirement) -> Markup {
 
 /// Renders every metric over every window in every run, with published values for comparison.
 pub(super) fn metrics(runs: &[Run]) -> Markup {
-    let found = runs.iter().flat_map(|run| &run.metrics);
-    let rows = distinct(found, |a, b| is_same(a, b));
+    let metrics = runs.iter().flat_map(|run| &run.metrics);
+    let rows = distinct(metrics, |a, b| is_same(a, b));
     let has_published = runs
         .iter()
         .any(|run| rows.iter().any(|row| published(run, row).is_some()));
@@ -202,6 +202,12 @@ pub(super) fn events(runs: &[Run]) -> Markup {
                 @for change in &run.outcome.recorded.values {
                     li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) (not_confirmed(&run.outcome.recorded.faults.unconfirmed_of(change))) }
                 }
+                @for held in &run.outcome.recorded.held_commands {
+                    li { (held.describe(run.last.0)) }
+                }
+                @for counts in run.outcome.recorded.end.iter().flat_map(|end| &end.bus) {
+                    li { (counts.describe()) }
+                }
                 @for mark in &run.outcome.recorded.marks {
                     li { "mark, step " (mark.step) ", " (seconds(run.rate.seconds(Step(mark.step)))) " s: " (mark.text) }
                 }
@@ -246,7 +252,7 @@ pub(super) fn latency(runs: &[Run]) -> Markup {
                 p { (swatch(number)) (run.label) ": " (without_command(latency.legs.without_command)) "." }
             }
             @if let Some(graded) = latency.grade.as_ref().filter(|_| run.asks_for_timing()) {
-                p { (swatch(number)) (run.label) ": " (graded.grade.words()) ", by the limits that users of machine control live by." }
+                p { (swatch(number)) (run.label) ": " (graded.grade.words()) ", by the limits that are usual in machine control." }
             }
         }
     }

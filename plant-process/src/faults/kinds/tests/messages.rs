@@ -166,3 +166,39 @@ fn corruption_inverts_different_bits_anywhere_in_the_frame() {
     flips.sort_unstable();
     assert_eq!(flips.to_vec(), (0..16).collect::<Vec<u64>>());
 }
+
+#[test]
+fn a_flood_delays_and_loses_the_shares_that_follow_from_its_load() {
+    const MESSAGES: usize = 100_000;
+    for (load, wait_steps, gain) in [
+        (1.0, 0.0, 1.0),
+        (0.6, 3.0, 1.0),
+        (0.8, 1000.0, 0.5),
+        (0.6, 0.0, 0.0),
+    ] {
+        let mut fault = start("babble", &[("load", load), ("wait_steps", wait_steps)], &[]);
+        let passages = passages(fault.as_mut(), &[gain; MESSAGES]);
+        let share = |is_it: &dyn Fn(Option<u32>) -> bool| {
+            let count = passages
+                .iter()
+                .filter(|passage| is_it(passage.copies[0]))
+                .count();
+            count as f64 / MESSAGES as f64
+        };
+        // Geometric: P(d = n) = p^n (1 - p), and beyond the longest wait nothing is sent.
+        let busy: f64 = load * gain;
+        let within = |actual: f64, expected: f64| (actual - expected).abs() < 0.01;
+        let lost = libm::pow(busy, wait_steps + 1.0);
+        assert!(
+            within(share(&|copy| copy.is_none()), lost),
+            "{load} {wait_steps}"
+        );
+        for n in 0..=(wait_steps as u32).min(5) {
+            let expected = libm::pow(busy, n.into()) * (1.0 - busy);
+            assert!(
+                within(share(&|copy| copy == Some(n)), expected),
+                "{load} {n}"
+            );
+        }
+    }
+}

@@ -99,6 +99,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         aliases: Vec::new(),
         target: "surface_angle_rad".into(),
         unit: "rad".into(),
+        range: Stimulus::any_range(),
         waveform: Waveform::Paper {
             amplitude: 0.2,
             frequency_hz: 1.0,
@@ -110,8 +111,10 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         kinds: all().into_iter().map(|entry| entry.description).collect(),
         parameters,
         stimuli,
+        constants: Settings::default(),
         taps: [Vec::new(), Vec::new()],
         derived: vec![],
+        networks: 1,
         rate: rate(10_000.0),
         steps: 200_000,
         names: vec![],

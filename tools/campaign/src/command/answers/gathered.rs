@@ -15,8 +15,9 @@ pub(super) struct Cases {
     pub(super) diverged: Vec<u64>,
     /// Varied numbers.
     pub(super) varied: Vec<Vec<f64>>,
-    /// For each requirement, the number of cases that meet it, and the margin of each case.
+    /// For each requirement, the number of cases that meet it.
     pub(super) holds: Vec<u64>,
+    /// For each requirement, the margin of each case.
     pub(super) margins: Vec<Vec<f64>>,
 }
 

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use hil_console::files::part_file::PartFolder;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::beside;
-use hil_facts::programs::binaries::host::HOST;
+use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
 use hil_facts::programs::binaries::trusted;
 
@@ -81,7 +81,7 @@ pub(super) fn write(checked: &Checked, out: &Path) -> Result<(), Failure> {
     // Otherwise `run` would refuse the campaign.
     trusted::folder(beside).map_err(|why| {
         Failure::usage(format!(
-            "a campaign in {out_text} could not be run: {why}; choose a folder that only you can write to with -o"
+            "a campaign in {out_text} could not be run: {why}; with -o, choose a folder that only you can write to"
         ))
     })?;
     let part = PartFolder::beside(&absolute).map_err(cannot)?;
@@ -162,12 +162,14 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     });
     // Placed beside the copy of `hil`, which looks for it there.
     let sides = cases.binaries().map(|both| [&both.plant, &both.controller]);
-    let mut hosts = sides
-        .into_iter()
-        .flatten()
-        .filter_map(|one| one.host.as_ref());
-    if let Some(host) = hosts.next() {
-        copy(&host.path, format!("{PROGRAMS}/{HOST}"))?;
+    let hosts = { sides.into_iter().flatten() }.filter_map(|one| one.host.as_ref());
+    for host in hosts {
+        if host.kind == ModelKind::Port {
+            return Err(Failure::usage(
+                "a campaign cannot have a port as a side: all of its cases would use the same wire; use `hil run --set`, one run after another",
+            ));
+        }
+        copy(&host.path, format!("{PROGRAMS}/{}", host.kind.host()))?;
     }
     Ok(Manifest {
         schema: SCHEMA,

@@ -82,8 +82,8 @@ fn envelopes(data: &Data) -> Markup {
         section #envelopes {
             h3 { "Over time" }
             p.hint {
-                "Over s, from the outside: the least and the greatest value of all cases; 90 % and half of "
-                (counted(envelopes.draws as u64, "draw")) "; the median. At each time of its own: no case need follow a line. "
+                "Over s, from the outside inwards: the range of all cases; the middle 90 % and 50 % of "
+                (counted(envelopes.draws as u64, "draw")) "; the median. Each time counts on its own: no case need follow a line. "
                 "Diverged cases are left out. A selection changes nothing here."
             }
             @if envelopes.without > 0 { p.note {

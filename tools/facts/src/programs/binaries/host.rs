@@ -1,8 +1,8 @@
-//! Models that need a host program, installed next to `hil`, which runs them in a process of its own: FMUs, by
-//! `hil-fmu`, and ports in front of a plant, by `hil-rig`.
+//! Models that need a host program, installed next to `hil`, which runs them in a process of its own: `hil-fmu` for
+//! FMUs, `hil-port` for port files.
 //!
 //! The model is named, must be trusted and must remain unchanged; the host is recorded with its own hash. Only the host
-//! reads FMUs.
+//! reads FMUs, and opens ports.
 
 use std::ffi::OsStr;
 use std::fs::File;
@@ -11,30 +11,71 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use hil_config::plan::Permissions;
-use hil_config::port::is_port;
+use hil_config::port::{Port, is_port};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_session::private_folder;
 use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
 
-use super::named::Choice;
+use super::named::{Choice, PLANT};
 use super::{FileIdentity, asked, beside, hashed};
 
 /// Program next to `hil` that runs FMUs.
-pub const HOST: &str = "hil-fmu";
+const OF_FMUS: &str = "hil-fmu";
+/// Program next to `hil` that runs ports.
+const OF_PORTS: &str = "hil-port";
 /// Program next to `hil` that runs ports in front of a plant.
-const RIG: &str = "hil-rig";
-/// Largest part of a file that is read to recognise a port.
-const HEAD_BYTES: u64 = 4096;
+const OF_RIGS: &str = "hil-rig";
+/// Longest beginning of a port file in which its first key is looked for, in bytes.
+const LONGEST_BEGINNING: u64 = 64 * 1024;
 /// First bytes of a ZIP archive.
 const ARCHIVE: [u8; 4] = *b"PK\x03\x04";
 /// File extension of an FMU.
 const ENDING: &str = "fmu";
 
+/// Kind of model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ModelKind {
+    /// FMU.
+    Fmu,
+    /// Port file.
+    Port,
+}
+
+impl ModelKind {
+    /// Returns the kind of a file: an FMU by its extension or its ZIP header, a port file by its first key; `None` for
+    /// a program.
+    #[must_use]
+    pub fn of(path: &Path) -> Option<Self> {
+        if is_fmu(path) {
+            return Some(Self::Fmu);
+        }
+        is_port_file(path).then_some(Self::Port)
+    }
+
+    /// Returns the name of the program that runs such a model.
+    #[must_use]
+    pub const fn host(self) -> &'static str {
+        match self {
+            Self::Fmu => OF_FMUS,
+            Self::Port => OF_PORTS,
+        }
+    }
+
+    pub(super) const fn words(self) -> &'static str {
+        match self {
+            Self::Fmu => "an FMU",
+            Self::Port => "a port file",
+        }
+    }
+}
+
 /// Program that runs a model.
 #[derive(Clone, Debug)]
 pub struct Host {
+    /// Kind of the model.
+    pub kind: ModelKind,
     /// Path of the program.
     pub path: PathBuf,
     /// Hash of the program.
@@ -49,6 +90,8 @@ pub struct Host {
     settings_argument: Option<String>,
     /// `true` if the model's library is loaded to list its requirements.
     loads: bool,
+    /// `false` for a port whose far end keeps a clock of its own, so that equal runs differ.
+    pub is_repeatable: bool,
     pub(super) file: FileIdentity,
     side: &'static str,
 }
@@ -59,18 +102,21 @@ impl Host {
     /// # Errors
     /// If there is no host.
     pub(crate) fn of(choice: &Choice, side: &'static str) -> Result<Option<Self>, String> {
-        let (name, what) = if is_model(&choice.path) {
-            (HOST, "an FMU")
-        } else if side == "plant" && is_port_file(&choice.path) {
-            (RIG, "a port")
-        } else {
+        let Some(kind) = ModelKind::of(&choice.path) else {
             return Ok(None);
         };
-        let own = beside(name).map_err(|error| error.to_string())?;
-        let in_words =
-            |error| format!("it is {what}, and {} cannot be run: {error}", own.display());
+        let host = match kind {
+            ModelKind::Port if side == PLANT.side => OF_RIGS,
+            _ => kind.host(),
+        };
+        let own = beside(host).map_err(|error| error.to_string())?;
+        let in_words = |error| {
+            let (words, own) = (kind.words(), own.display());
+            format!("{words} needs {own}, which cannot be run: {error}")
+        };
         let (file, blake3) = hashed(&own).map_err(in_words)?;
         Ok(Some(Self {
+            kind,
             path: own,
             blake3,
             locals: choice.locals.clone(),
@@ -78,6 +124,9 @@ impl Host {
             settings: choice.settings.clone(),
             settings_argument: choice.settings.argument(),
             loads: choice.loads,
+            // A file with mistakes is refused by the host.
+            is_repeatable: kind == ModelKind::Fmu
+                || Port::read(&choice.path, None).is_ok_and(|port| port.is_repeatable),
             file,
             side,
         }))
@@ -109,6 +158,9 @@ impl Host {
 
     fn arguments<'a>(&'a self, model: &'a Path) -> Vec<&'a OsStr> {
         let mut arguments = vec![self.side.as_ref(), model.as_os_str()];
+        if self.kind == ModelKind::Port {
+            return arguments;
+        }
         for pattern in &self.locals {
             arguments.extend([OsStr::new("--truth"), pattern.as_ref()]);
         }
@@ -130,8 +182,20 @@ impl Host {
     }
 }
 
-/// Returns `true` if a file is an FMU by its extension or its ZIP header.
-pub(super) fn is_model(path: &Path) -> bool {
+/// Returns `true` if a file is a port file.
+#[must_use]
+pub fn is_port_file(path: &Path) -> bool {
+    let read = || {
+        let mut begin = Vec::new();
+        // A pipe would block.
+        let file = path.is_file().then(|| File::open(path).ok())??;
+        file.take(LONGEST_BEGINNING).read_to_end(&mut begin).ok()?;
+        Some(is_port(&String::from_utf8_lossy(&begin)))
+    };
+    read().unwrap_or_default()
+}
+
+fn is_fmu(path: &Path) -> bool {
     let is_named = path
         .extension()
         .is_some_and(|ending| ending.eq_ignore_ascii_case(ENDING));
@@ -144,35 +208,14 @@ pub(super) fn is_model(path: &Path) -> bool {
         && begin == ARCHIVE
 }
 
-/// Returns `true` if a file is a port file by its first key; copies on targets have no ending.
-fn is_port_file(path: &Path) -> bool {
-    let mut head = Vec::new();
-    let file = File::open(path).ok().filter(|_| path.is_file());
-    let result = file.map(|file| file.take(HEAD_BYTES).read_to_end(&mut head));
-    result.is_some_and(|read| read.is_ok()) && is_port(&String::from_utf8_lossy(&head))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
-    fn a_port_is_recognised_by_its_first_key() {
+    fn a_model_is_recognised_by_its_extension_or_its_beginning() {
         let folder = tempfile::tempdir().expect("a folder");
-        let file = |name: &str, content: &str| {
-            let path = folder.path().join(name);
-            std::fs::write(&path, content).expect("written");
-            path
-        };
-        assert!(is_port_file(&file("rig.port.toml", "# A rig.\nport = 1\n")));
-        assert!(is_port_file(&file("copy", "port=1")));
-        assert!(!is_port_file(&file("run.toml", "schema = 1\nport = 1")));
-        assert!(!is_port_file(&folder.path().join("none")));
-    }
-
-    #[test]
-    fn a_model_is_recognised_by_its_extension_or_its_first_bytes() {
-        let folder = tempfile::tempdir().expect("a folder");
+        let is_model = |path: &Path| ModelKind::of(path) == Some(ModelKind::Fmu);
         let file = |name: &str, content: &[u8]| {
             let path = folder.path().join(name);
             std::fs::write(&path, content).expect("written");
@@ -183,6 +226,12 @@ mod tests {
         assert!(is_model(&file("plant", b"PK\x03\x04 and more")));
         assert!(!is_model(&file("program", b"\x7fELF")));
         assert!(!is_model(&file("short", b"PK")));
+        let port = file("desk", b"# Wires of the rig.\n\nport = 1\n");
+        assert_eq!(ModelKind::of(&port), Some(ModelKind::Port));
+        assert_eq!(
+            ModelKind::of(&file("scenario", b"schema = 1\nport = 1")),
+            None
+        );
         assert!(!is_model(&folder.path().join("none.fmu")));
         assert!(!is_model(folder.path()));
     }

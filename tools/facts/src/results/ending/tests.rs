@@ -14,7 +14,7 @@ fn honest() -> Recorded {
     Recorded {
         records: STEPS + 1,
         answers: Some(Answers {
-            given: STEPS,
+            answered: STEPS,
             held: 0,
         }),
         end: Some(RunEnd::new(STEPS, Outcome::Completed)),
@@ -122,7 +122,10 @@ fn a_completed_run_has_the_steps_and_answers_of_its_plan() {
 #[test]
 fn reported_late_commands_agree_with_the_records() {
     let held = |recorded: &mut Recorded, held: u64| {
-        recorded.answers = Some(Answers { given: STEPS, held });
+        recorded.answers = Some(Answers {
+            answered: STEPS,
+            held,
+        });
     };
     accepted(REALTIME, |recorded, end| {
         held(recorded, 3);

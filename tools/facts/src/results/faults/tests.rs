@@ -32,7 +32,7 @@ fn at(step: u64, at_s: f64) -> Trigger {
     }
 }
 
-fn taken(id: u32, effect: u32, step: u64) -> FaultBegun {
+fn begun(id: u32, effect: u32, step: u64) -> FaultBegun {
     FaultBegun {
         id,
         effect,
@@ -72,7 +72,7 @@ fn a_summary_reports_size_end_and_source_of_every_fault() {
             step: 40,
             event: live,
         }],
-        taken: vec![taken(1, 0, 10), taken(1, 1, 12), taken(2, 0, 41)],
+        begun: vec![begun(1, 0, 10), begun(1, 1, 12), begun(2, 0, 41)],
         ended: vec![FaultEnded {
             id: 2,
             effect: 0,
@@ -132,7 +132,7 @@ fn a_fault_that_never_took_hold_says_why() {
         delay_steps: 7,
     };
     let log = FaultLog {
-        taken: vec![taken(9, 0, 3)],
+        begun: vec![begun(9, 0, 3)],
         ended: vec![FaultEnded {
             id: 6,
             effect: 0,
@@ -169,7 +169,7 @@ fn a_fault_that_never_took_hold_says_why() {
 #[test]
 fn without_the_plants_last_word_sizes_are_unknown() {
     let log = FaultLog {
-        taken: vec![taken(1, 0, 10)],
+        begun: vec![begun(1, 0, 10)],
         ..FaultLog::default()
     };
     let fault = &log.faults(

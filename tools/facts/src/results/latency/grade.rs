@@ -9,7 +9,7 @@ use super::times::Times;
 
 /// Limit in ns below which a loop is excellent, and a machine's longest delay good.
 pub const EXCELLENT_BELOW_NS: u64 = 20_000;
-/// Limit in ns below which a loop is good, and a machine's longest delay fair.
+/// Limit in ns below which a loop is graded good and a machine's longest delay is graded fair.
 pub const GOOD_BELOW_NS: u64 = 50_000;
 /// Limit in ns above which a machine is unfit for real time.
 pub const UNFIT_NS: u64 = 500_000;

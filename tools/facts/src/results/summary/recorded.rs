@@ -64,7 +64,7 @@ impl Summary {
         summary.started_utc = reader.fact("started_utc").map(Into::into);
         let set = reader.fact("set").map(serde_json::from_str);
         summary.set = set.and_then(Result::ok).unwrap_or_default();
-        summary.recording.unvouched = reader.unvouched().map(|unvouched| unvouched.told);
+        summary.recording.unvouched = reader.unvouched().map(|unvouched| unvouched.text);
         summary
     }
 }

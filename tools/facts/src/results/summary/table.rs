@@ -92,6 +92,23 @@ impl Summary {
         for connection in &self.connections {
             writeln!(text, "  connected: {connection}")?;
         }
+        for held in &self.held_commands {
+            writeln!(text, "  {}", held.describe(self.steps))?;
+        }
+        for counts in &self.bus {
+            writeln!(text, "  {}", counts.describe())?;
+        }
+        if let Some(port) = &self.port {
+            if !port.repeatable {
+                writeln!(
+                    text,
+                    "  the far end of the port keeps a clock of its own, so equal runs differ"
+                )?;
+            }
+            for line in port.describe() {
+                writeln!(text, "  {line}")?;
+            }
+        }
         for controller in &self.controllers {
             writeln!(text, "  {}", controller.describe())?;
         }

@@ -301,7 +301,8 @@ impl<'a> FaultKind<'a> {
                 nearest(typed, names).first() == Some(&option.as_str())
             });
             let near = closest(typed, all.iter().map(String::as_str));
-            let message = format!("`{kind}` has no key `{typed}`, and hil no option `--{typed}`");
+            let message =
+                format!("`{kind}` has no key `{typed}`, and hil has no option `--{typed}`");
             let expected = if all.is_empty() {
                 "no key".to_owned()
             } else {

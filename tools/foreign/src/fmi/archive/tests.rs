@@ -132,7 +132,7 @@ fn files_are_read_and_unpacked_unchanged() {
         .expect_err("long");
     assert!(error.to_string().contains("is larger than"), "{error}");
     let error = archive.content("other", 1000).expect_err("none");
-    assert_eq!(error.to_string(), "it has no other");
+    assert_eq!(error.to_string(), "the archive has no other");
     let folder = tempfile::tempdir().expect("a folder");
     assert_eq!(
         archive

@@ -60,7 +60,7 @@ pub(super) fn decoded(bytes: &[u8]) -> Result<String, DescriptionError> {
             Some(other.map_or(byte.into(), |(_, c)| *c))
         }),
         _ => Err(refused(&format!(
-            "its encoding is {declared}, and it is not ASCII; supported are UTF-8, UTF-16, ISO-8859-1, ISO-8859-15 and windows-1252"
+            "the encoding is {declared}, and the text is not ASCII; supported are UTF-8, UTF-16, ISO-8859-1, ISO-8859-15 and windows-1252"
         ))),
     }
 }
@@ -74,7 +74,7 @@ fn utf_8(bytes: &[u8]) -> Result<String, DescriptionError> {
     text.map(str::to_owned).map_err(|error| {
         let at = error.valid_up_to();
         refused(&format!(
-            "it is not valid UTF-8 at byte {at}, and declares no other encoding"
+            "invalid UTF-8 at byte {at}, and no other encoding is declared"
         ))
     })
 }
@@ -85,7 +85,7 @@ fn utf_16(bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result<String, DescriptionE
     let text = char::decode_utf16(units).collect::<Result<String, _>>();
     text.ok()
         .filter(|_| rest.is_empty())
-        .ok_or_else(|| refused("it has a UTF-16 mark but is not valid UTF-16"))
+        .ok_or_else(|| refused("a UTF-16 byte-order mark, but invalid UTF-16"))
 }
 
 /// Decodes an encoding with one byte per character.
@@ -98,7 +98,7 @@ fn single(
         .iter()
         .map(|byte| character(*byte))
         .collect::<Option<String>>();
-    text.ok_or_else(|| refused(&format!("it has bytes that are undefined in {name}")))
+    text.ok_or_else(|| refused(&format!("bytes that are undefined in {name}")))
 }
 
 /// Returns the encoding that a document declares in its first line.

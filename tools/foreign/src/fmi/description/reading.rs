@@ -66,7 +66,7 @@ impl ModelDescription {
         if root.name != "fmiModelDescription" {
             let name: String = root.name.chars().take(80).collect();
             return Err(DescriptionError::Xml(format!(
-                "its root is {name:?}, not fmiModelDescription"
+                "the root element is {name:?}, not fmiModelDescription"
             )));
         }
         let version = version(root.needed("fmiVersion")?)?;
@@ -140,7 +140,7 @@ fn version(text: &str) -> Result<Version, DescriptionError> {
     }
     let text = shortened(text);
     Err(DescriptionError::Unsupported(format!(
-        "it uses FMI {text}, but only FMI 2.0 and 3.0 are supported"
+        "the FMU uses FMI {text}, but only FMI 2.0 and 3.0 are supported"
     )))
 }
 
@@ -150,11 +150,11 @@ fn co_simulation(root: &Element) -> Result<&Element, DescriptionError> {
         let other = other.iter().find(|name| root.child(name).is_some());
         return Err(DescriptionError::Unsupported(match other {
             Some(&"ModelExchange") => {
-                "it supports only model exchange, without a solver; export it for co-simulation"
+                "the FMU supports only model exchange, without a solver; export it for co-simulation"
                     .into()
             }
-            Some(_) => "it supports only scheduled execution; export it for co-simulation".into(),
-            None => "it does not support co-simulation; export it for co-simulation".into(),
+            Some(_) => "the FMU supports only scheduled execution; export it for co-simulation".into(),
+            None => "the FMU does not support co-simulation; export it for co-simulation".into(),
         }));
     };
     Ok(simulation)
@@ -188,7 +188,7 @@ fn variables(
         together += elements;
         match together > MOST_TOGETHER {
             true => Err(DescriptionError::Unsupported(format!(
-                "its variables have more than {MOST_TOGETHER} elements together"
+                "the variables have more than {MOST_TOGETHER} elements in total"
             ))),
             false => Ok(()),
         }
@@ -250,20 +250,20 @@ fn variables(
             variable.start = vec![*one; count];
         }
         if !variable.start.is_empty() && variable.start.len() != count {
-            let (name, given) = (&variable.name, variable.start.len());
+            let (name, values) = (&variable.name, variable.start.len());
             if !sizes.is_empty() {
                 variable.start.clear();
                 variable.is_resized = true;
                 continue;
             }
             if variable.is_inner() {
-                let reason = format!("its start has {given} values for {count} elements");
+                let reason = format!("its start has {values} values for {count} elements");
                 variable.unusable.get_or_insert(reason);
                 variable.start.clear();
                 continue;
             }
             return Err(DescriptionError::Content(format!(
-                "`start` of {name:?} has {given} values for {count} elements"
+                "`start` of {name:?} has {values} values for {count} elements"
             )));
         }
     }

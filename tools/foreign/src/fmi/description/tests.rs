@@ -12,10 +12,10 @@ fn read(inside: &str) -> Result<ModelDescription, DescriptionError> {
 }
 
 fn refused(text: &str, fragment: &str) {
-    let told = ModelDescription::read(text)
+    let message = ModelDescription::read(text)
         .expect_err(fragment)
         .to_string();
-    assert!(told.contains(fragment), "{told}");
+    assert!(message.contains(fragment), "{message}");
 }
 
 fn reference(name: &str) -> ModelDescription {
@@ -101,7 +101,7 @@ fn types_units_and_lists_are_inherited() {
         .expect("there");
     assert_eq!(ball.unit.as_deref(), Some("m"));
     assert_eq!(
-        model.units[1].base.expect("told").exponents,
+        model.units[1].base.expect("model").exponents,
         [0, 1, -1, 0, 0, 0, 0, 0]
     );
     let model = reference("Feedthrough/FMI2");
@@ -193,22 +193,25 @@ fn an_unusable_inner_variable_is_left_out_and_one_of_the_loop_is_refused() {
         };
         for model in of("causality=\"local\"") {
             let model = model.expect(attributes);
-            let told = model.variables[0].unusable.as_deref().unwrap_or_default();
-            assert!(told.contains(reason), "{told}");
+            let unusable = model.variables[0].unusable.as_deref();
+            assert!(
+                unusable.unwrap_or_default().contains(reason),
+                "{unusable:?}"
+            );
             assert_eq!(model.variables[1].unusable, None);
         }
         for causality in ["input", "output", "parameter"] {
             for model in of(&format!("causality=\"{causality}\"")) {
-                let told = model.expect_err(causality).to_string();
-                assert!(told.contains(reason), "{told}");
+                let message = model.expect_err(causality).to_string();
+                assert!(message.contains(reason), "{message}");
             }
         }
     }
     // Nobody knows that it is of the loop.
     let unknown = "<ModelVariables><Float64 name=\"s\" valueReference=\"1\" causality=\"internal\"/></ModelVariables>";
     let unknown = read(unknown).expect("left out");
-    let told = unknown.variables[0].unusable.as_deref();
-    assert_eq!(told, Some("`causality` of Float64 \"s\" is unknown"));
+    let reason = unknown.variables[0].unusable.as_deref();
+    assert_eq!(reason, Some("`causality` of Float64 \"s\" is unknown"));
 }
 
 #[test]
@@ -297,12 +300,12 @@ fn invalid_variables_are_refused() {
         ),
         ("name=\"x\" min=\"low\"", "`min` of Int8 \"x\" is \"low\""),
     ] {
-        let told = one(attributes).expect_err(fragment).to_string();
-        assert!(told.contains(fragment), "{told}");
+        let message = one(attributes).expect_err(fragment).to_string();
+        assert!(message.contains(fragment), "{message}");
     }
     let large = "<ModelVariables><Float64 name=\"x\" valueReference=\"1\" causality=\"input\"><Dimension start=\"99999\"/><Dimension start=\"99999\"/></Float64></ModelVariables>";
-    let told = read(large).expect_err("large").to_string();
-    assert!(told.contains("more than 65536 elements"), "{told}");
+    let message = read(large).expect_err("large").to_string();
+    assert!(message.contains("more than 65536 elements"), "{message}");
     let array = |number: usize| {
         format!(
             "<Float64 name=\"x{number}\" valueReference=\"{number}\"><Dimension start=\"65536\"/></Float64>"
@@ -313,12 +316,15 @@ fn invalid_variables_are_refused() {
         read(&format!("<ModelVariables>{all}</ModelVariables>"))
     };
     arrays(64).expect("2^22 elements");
-    let told = arrays(65).expect_err("many").to_string();
-    assert!(told.contains("4194304 elements together"), "{told}");
+    let message = arrays(65).expect_err("many").to_string();
+    assert!(message.contains("4194304 elements in total"), "{message}");
     let twice = "<ModelVariables><Int8 name=\"x\" valueReference=\"1\" causality=\"output\"/>\
                  <Int8 name=\"x\" valueReference=\"2\" causality=\"input\"/></ModelVariables>";
-    let told = read(twice).expect_err("twice").to_string();
-    assert!(told.contains("variable \"x\" is defined twice"), "{told}");
+    let message = read(twice).expect_err("twice").to_string();
+    assert!(
+        message.contains("variable \"x\" is defined twice"),
+        "{message}"
+    );
 }
 
 #[test]

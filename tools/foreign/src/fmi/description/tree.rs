@@ -33,13 +33,15 @@ impl Element {
                 Event::Empty(start) => (Self::of(&start)?, true),
                 Event::End(_) => {
                     let done = open.pop().unwrap_or_default();
-                    let above = open.last_mut().ok_or_else(|| refused(&"it is truncated"))?;
+                    let above = open
+                        .last_mut()
+                        .ok_or_else(|| refused(&"the document is truncated"))?;
                     above.children.push(done);
                     continue;
                 }
                 Event::DocType(_) => {
                     return Err(refused(
-                        &"it has a document type, which could define entities and is not supported",
+                        &"a document type could define entities and is not supported",
                     ));
                 }
                 Event::Eof => break,
@@ -47,9 +49,7 @@ impl Element {
             };
             count += 1;
             if count > MOST || open.len() > DEEPEST {
-                return Err(refused(
-                    &"it has too many elements, or they are nested too deeply",
-                ));
+                return Err(refused(&"too many elements, or elements nested too deeply"));
             }
             match (is_empty, open.last_mut()) {
                 (true, Some(above)) => above.children.push(element),
@@ -58,7 +58,7 @@ impl Element {
         }
         let document = open.pop().filter(|_| open.is_empty());
         let root = document.and_then(|document| document.children.into_iter().next());
-        root.ok_or_else(|| refused(&"it is truncated"))
+        root.ok_or_else(|| refused(&"the document is truncated"))
     }
 
     fn of(start: &BytesStart<'_>) -> Result<Self, DescriptionError> {

@@ -16,13 +16,13 @@ pub(super) struct Changed(pub(super) Vec<(Column, f64)>);
 impl Instance {
     /// Sets the tunable parameters whose requested value changed; an array is set as a whole.
     pub(super) fn tune(&mut self) -> Result<Changed, Failure> {
-        if self.wanted == self.tuned {
+        if self.requested == self.tuned {
             return Ok(Changed(Vec::new()));
         }
         let model = Arc::clone(&self.model);
         let column = |number: usize| &model.tables.parameters[self.tunable_places[number]];
-        let is_changed = |&number: &usize| self.wanted[number] != self.tuned[number];
-        let numbers: Vec<usize> = (0..self.wanted.len()).collect();
+        let is_changed = |&number: &usize| self.requested[number] != self.tuned[number];
+        let numbers: Vec<usize> = (0..self.requested.len()).collect();
         let touched: Vec<usize> = numbers
             .chunk_by(|a, b| column(*a).variable == column(*b).variable)
             .filter(|variable| variable.iter().any(is_changed))
@@ -32,10 +32,10 @@ impl Instance {
         let columns: Vec<Column> = touched.iter().map(|&n| column(n).clone()).collect();
         let changed = (touched.iter().zip(&columns))
             .filter(|(number, _)| is_changed(number))
-            .map(|(&number, column)| (column.clone(), self.wanted[number]))
+            .map(|(&number, column)| (column.clone(), self.requested[number]))
             .collect::<Vec<_>>();
         let mut values = Values::new(&model.description, &columns);
-        let mut row: Vec<f64> = touched.iter().map(|&n| self.wanted[n]).collect();
+        let mut row: Vec<f64> = touched.iter().map(|&n| self.requested[n]).collect();
         if changed.len() < touched.len() {
             let mut present = vec![0.0; row.len()];
             // SAFETY: the instance is between two steps, and nothing was set since the last one, so it may be read.
@@ -53,7 +53,7 @@ impl Instance {
         // SAFETY: the instance is between two steps, so tunable parameters may be set.
         let set = unsafe { values.set(&self.functions, self.handle, &row) };
         self.accept(set)?;
-        self.tuned.copy_from_slice(&self.wanted);
+        self.tuned.copy_from_slice(&self.requested);
         Ok(Changed(changed))
     }
 }

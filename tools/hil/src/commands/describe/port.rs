@@ -1,13 +1,11 @@
 //! `hil describe FILE` of a port file: the tables that follow from it, and its frames field by field.
 
 use std::fmt::Write;
-use std::path::Path;
 
 use hil_codec::bits::{BitField, ByteOrder};
 use hil_codec::frame::{Body, CanId, Content, Counter, Frame, JsonContent, Signal};
 use hil_codec::number::{Encoding, Number};
-use hil_config::port::{Carries, Period, Port, PortFrame, is_port};
-use hil_config::scenario::read_regular;
+use hil_config::port::{Carries, Period, Port, PortFrame};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left};
@@ -16,11 +14,6 @@ use shared_types::number::{exact_in, short, short_in};
 
 use super::Written;
 use crate::arguments::describe::DescribeArguments;
-
-/// Returns `true` if a file is a port file.
-pub(super) fn is_port_file(path: &Path) -> bool {
-    read_regular(path).is_ok_and(|text| is_port(&text))
-}
 
 /// Describes a port file.
 pub(super) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {

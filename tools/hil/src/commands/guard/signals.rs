@@ -2,7 +2,7 @@
 //! time. Signals that are ignored at the start remain ignored in the guard and its child, except SIGINT and SIGTERM.
 //!
 //! A stop signal is peeked and left to the kernel, which discards the signal as soon as a continuation follows: so a
-//! guard stops exactly if no continuation has arrived since.
+//! guard stops if and only if no continuation has arrived since.
 
 use std::io;
 use std::os::fd::AsFd;

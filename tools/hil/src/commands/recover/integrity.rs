@@ -289,7 +289,10 @@ fn a_length_beyond_the_end_counts_as_damage_if_records_follow() {
         bytes[first + 3] ^= 1;
         let path = original.with(&bytes);
         let refused = recovered(&path, None).expect_err("refused").to_string();
-        assert!(refused.contains("a length is wrong"), "{refused}");
+        assert!(
+            refused.contains("the length of a record is wrong"),
+            "{refused}"
+        );
         assert!(std::fs::read(&path).expect("read") == bytes);
     }
 }

@@ -198,7 +198,7 @@ fn an_unrecoverable_file_is_left_alone_and_named() {
         (&original.bytes[..5], "before its first record"),
         (
             &b"not a recording, whatever its name is"[..],
-            "does not begin like an MCAP file",
+            "does not begin with the magic bytes of MCAP",
         ),
         (&original.bytes[..400], "before its first record"),
     ] {

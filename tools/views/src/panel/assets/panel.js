@@ -460,7 +460,7 @@
     byId("buttons").replaceChildren(...told.buttons.map((one, nth) => {
       const button = make("button", make("kbd", String(nth + 1)), { type: "button", title: one.words });
       button.append(" " + one.label);
-      button.addEventListener("click", () => act({ deed: "inject", words: one.words }));
+      button.addEventListener("click", () => act({ kind: "inject", words: one.words }));
       return button;
     }));
     look();
@@ -509,9 +509,9 @@
     const time = told.time_s === null ? "" : `${seconds(told.time_s)} of ${seconds(told.steps / told.rate_hz)} s, step ${told.step}`;
     write(byId("time"), time);
     byId("progress").value = told.step === null ? 0 : told.step / told.steps;
-    const trip = told.round_trip_ns ? `, ${number(+(told.round_trip_ns.p50 / 1e3).toPrecision(3))} us round trip` : "";
+    const trip = told.round_trip_ns ? `, ${nanoseconds(told.round_trip_ns.p50)} round trip` : "";
     const lost = told.lost > 0 ? `, ${told.lost} records not seen` : "";
-    write(byId("speed"), ending ? "" : (told.realtime_factor ? `${number(+told.realtime_factor.toPrecision(3))}x real time${trip}` : "") + lost);
+    write(byId("speed"), ending ? "" : (told.realtime_factor ? `${number(told.realtime_factor, 3)}x real time${trip}` : "") + lost);
     write(byId("pause"), told.state === "paused" ? "Resume" : "Pause");
     write(byId("readings-title"), ending ? "Final readings" : "Readings");
     enable();
@@ -546,7 +546,7 @@
         const says = make("div");
         says.append(make("strong", `${fault.id} ${fault.kind}`), " ", make("span", "", { class: "badge" }), make("div", "", { class: "hint" }));
         const end = make("button", "End", { type: "button", "aria-label": `End fault ${fault.id}` });
-        end.addEventListener("click", () => act({ deed: "clear", fault: fault.id }));
+        end.addEventListener("click", () => act({ kind: "clear", fault: fault.id }));
         row = make("li");
         row.append(says, end);
         faultRows.set(fault.id, row);
@@ -623,21 +623,21 @@
 
   // ---- Deeds ----
 
-  let deeds = 0;
-  const act = (deed) => {
-    ask({ ask: "do", number: ++deeds, deed });
-    return deeds;
+  let actions = 0;
+  const act = (action) => {
+    ask({ ask: "do", number: ++actions, action });
+    return actions;
   };
-  const answered = ({ number: deed, is_done, text }) => {
-    const knob = asked.get(deed);
-    asked.delete(deed);
+  const answered = ({ number, is_done, text }) => {
+    const knob = asked.get(number);
+    asked.delete(number);
     say(text, is_done ? "" : "bad", knob?.told.key);
     knob?.answered(is_done);
     write(byId("status"), text);
     root.dataset.answers = String(Number(root.dataset.answers ?? 0) + 1);
   };
-  const pause = () => act({ deed: state?.state === "paused" ? "resume" : "pause" });
-  const step = (steps) => act({ deed: "step", steps });
+  const pause = () => act({ kind: state?.state === "paused" ? "resume" : "pause" });
+  const step = (steps) => act({ kind: "step", steps });
   byId("pause").addEventListener("click", pause);
   byId("step").addEventListener("click", () => step(1));
   byId("steps").addEventListener("click", () => step(100));
@@ -645,10 +645,10 @@
     event.preventDefault();
     const text = byId("mark").value.trim();
     if (!text) return byId("mark").focus();
-    act({ deed: "mark", text });
+    act({ kind: "mark", text });
     byId("mark").value = "";
   });
-  byId("clear-all").addEventListener("click", () => act({ deed: "clear", fault: null }));
+  byId("clear-all").addEventListener("click", () => act({ kind: "clear", fault: null }));
   byId("window").addEventListener("change", () => setWindow(Number(byId("window").value)));
   byId("theme").addEventListener("click", () => {
     setTheme(root.dataset.theme !== "dark");
@@ -670,12 +670,6 @@
     }
     return most;
   };
-  // As a field of nine letters shows it.
-  const typed = (value) => {
-    if (!Number.isFinite(value)) return number(value);
-    const text = String(+value.toPrecision(7));
-    return text.length > 9 ? String((+value.toPrecision(5)).toExponential()).replace("e+", "e") : text;
-  };
   const knobs = new Map();
   const asked = new Map();
 
@@ -687,7 +681,7 @@
       this.isAsking = false;
       this.isHeld = false;
       this.sentAt = 0;
-      this.isReference = told.key.startsWith("reference.");
+      this.isReference = /^(reference|input)\./.test(told.key);
       const id = "knob-" + nth;
       this.row = make("div", undefined, { class: "knob", title: told.description });
       const label = make("label", undefined, { for: id });
@@ -727,7 +721,7 @@
       if (position <= 0) return low;
       if (position >= POSITIONS) return high;
       const grain = 10 ** Math.floor(Math.log10((high - low) / POSITIONS));
-      return Number((Math.round((low + ((high - low) * position) / POSITIONS) / grain) * grain).toPrecision(12));
+      return rounded(Math.round((low + ((high - low) * position) / POSITIONS) / grain) * grain, 12);
     }
 
     now() {
@@ -739,11 +733,12 @@
       if (Number.isFinite(value) && (value < this.span[0] || value > this.span[1])) this.span = this.reach();
       const [low, high] = this.span;
       const share = (Math.min(Math.max(value, low), high) - low) / (high - low || 1);
-      this.slider.value = String(Math.round(share * POSITIONS));
+      this.slider.value = String(Math.round((share || 0) * POSITIONS));
       this.slider.setAttribute("aria-valuetext", shown(value, this.told.unit));
-      if (document.activeElement !== this.field) this.field.value = typed(value);
+      this.field.placeholder = "not set";
+      if (document.activeElement !== this.field) this.field.value = Number.isNaN(value) ? "" : typed(value);
       this.row.dataset.changed = String(this.told.is_changed);
-      this.back.hidden = !this.told.is_changed;
+      this.back.hidden = !this.told.is_changed || Number.isNaN(real(this.told.original));
     }
 
     hear(told) {
@@ -777,7 +772,7 @@
     send(change) {
       this.isAsking = isOpen();
       this.sentAt = performance.now();
-      asked.set(act({ deed: "set", change }), this);
+      asked.set(act({ kind: "set", change }), this);
     }
 
     answered(isDone) {
@@ -820,11 +815,10 @@
   // A number to begin with: the field's own, a tenth of what the target has been, a hundredth of what it may be.
   const usual = (field, target) => {
     if (field.default !== null && field.default !== undefined) return field.default;
-    const round = (value) => +value.toPrecision(1);
     if (field.unit === "target") {
       const name = target.replace(/^[^.]*\./, "");
       const most = largestSeen((one) => one.replace(/^[^.]*\./, "") === name);
-      return most > 0 ? round(most / 10) : 0.1;
+      return most > 0 ? rounded(most / 10, 1) : 0.1;
     }
     const bound = (value) => (Number.isFinite(value) ? value : null);
     const [min, max] = [bound(field.min), bound(field.max)];
@@ -833,7 +827,7 @@
     if (field.unit === "s") return 0.1;
     if (min !== null && min > 0) return min;
     if (max === null) return 1;
-    return max === 1 ? 0.1 : round(max / 100);
+    return max === 1 ? 0.1 : rounded(max / 100, 1);
   };
   const chooseKind = () => {
     const kind = kindNow();
@@ -876,7 +870,7 @@
   for (const name of ["duration", "ramp", "when"]) byId(name).addEventListener("input", spell);
   byId("inject").addEventListener("submit", (event) => {
     event.preventDefault();
-    act({ deed: "inject", words: words() });
+    act({ kind: "inject", words: words() });
   });
 
   // ---- Places ----

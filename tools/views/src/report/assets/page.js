@@ -23,6 +23,11 @@ const number = (value, digits = 5) => {
   const size = Math.abs(short);
   return short !== 0 && (size < 1e-3 || size >= 1e6) ? short.toExponential().replace("e+", "e") : String(short);
 };
+// As a field of nine letters holds it: with seven digits, or as many as fit.
+const typed = (value) => {
+  for (const digits of [7, 6]) if (number(value, digits).length <= 9) return number(value, digits);
+  return number(value);
+};
 // As `shown_ns` of the terminal: three digits.
 const nanoseconds = (ns) => {
   if (!Number.isFinite(ns)) return number(ns) + " ns";

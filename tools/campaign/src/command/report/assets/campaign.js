@@ -84,9 +84,8 @@
   const outcomes = columns.filter((column) => column.role !== "varied");
 
   // ---- Numbers ----
-  const counted = (count) => count.toLocaleString("en");
   // Less than all is never written as 100 %.
-  const percent = (count, of) => (of ? (count < of ? Math.min(+((100 * count) / of).toPrecision(4), 99.99) : 100) + " %" : "none");
+  const percent = (count, of) => (of ? (count < of ? Math.min(rounded((100 * count) / of, 4), 99.99) : 100) + " %" : "none");
   // NaN stands for a case without a value.
   const valueShown = (column, value) => (column.texts ? column.texts[Math.round(value)] ?? "" : Number.isNaN(value) ? "-" : number(value));
   // Round steps, as many as there is space for.
@@ -95,7 +94,7 @@
     const power = 10 ** Math.floor(Math.log10(rough));
     const step = power * [1, 2, 5, 10].find((one) => one * power >= rough * 0.999);
     const found = [];
-    for (let n = Math.ceil(lo / step); n * step <= hi * (1 + 1e-12) && found.length < 50; n++) found.push(+(n * step).toPrecision(12));
+    for (let n = Math.ceil(lo / step); n * step <= hi * (1 + 1e-12) && found.length < 50; n++) found.push(rounded(n * step, 12));
     return found;
   };
   // Rising values with as many digits as tell them apart.
@@ -150,17 +149,17 @@
   const tell = () => {
     const perClass = data.classes.map((_, place) => data.variants.reduce((sum, _, variant) => sum + counts[variant * classes + place], 0));
     const of = perClass.reduce((sum, count) => sum + count);
-    const words = isAny() ? `of ${counted(of)} selected, ${percent(perClass[0], of)} ${data.words[0]}` : `of all ${counted(rows)} cases, ${percent(perClass[0], rows)} ${data.words[0]}`;
+    const words = isAny() ? `of ${of} selected, ${percent(perClass[0], of)} ${data.words[0]}` : `of all ${rows} cases, ${percent(perClass[0], rows)} ${data.words[0]}`;
     byId("count").textContent = words;
     byId("clear").disabled = !isAny();
     legend.forEach(({ box, share }, variant) => {
       const mine = counts.subarray(variant * classes, (variant + 1) * classes).reduce((sum, count) => sum + count);
       box.checked = isShown[variant];
-      share.textContent = `${percent(counts[variant * classes], mine)} of ${counted(mine)} ${data.words[0]}`;
+      share.textContent = `${percent(counts[variant * classes], mine)} of ${mine} ${data.words[0]}`;
     });
     classLegend.forEach(({ label, share }, place) => {
       label.hidden = !classOf.includes(place);
-      share.textContent = `${data.words[place]} ${counted(perClass[place])}`;
+      share.textContent = `${data.words[place]} ${perClass[place]}`;
     });
     byId("chips").replaceChildren(...columns.filter((column) => column.range).map((column) => {
       const onclick = () => { column.range = null; later(); };
@@ -289,7 +288,7 @@
     const marks = [];
     for (const count of candidates) {
       const y = TOP + plot.tall * (1 - raised[heights](count) / raised[heights](most));
-      if (marks.every(([other]) => Math.abs(other - y) > 13)) marks.push([y, counted(count)]);
+      if (marks.every(([other]) => Math.abs(other - y) > 13)) marks.push([y, String(count)]);
     }
     return marks;
   };
@@ -554,7 +553,7 @@
   const between = (column, from, to, length) => {
     const [low, high] = from < to ? [from, to] : [to, from];
     const step = 10 ** Math.floor(Math.log10((column.hi - column.lo) / 500));
-    const value = (share) => +(Math.round((column.lo + (column.hi - column.lo) * share) / step) * step).toPrecision(12);
+    const value = (share) => rounded(Math.round((column.lo + (column.hi - column.lo) * share) / step) * step, 12);
     const range = [low <= 1 ? -Infinity : value(low / length), high >= length - 1 ? Infinity : value(high / length)];
     return range.some(Number.isFinite) ? range : null;
   };

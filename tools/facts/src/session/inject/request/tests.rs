@@ -145,10 +145,10 @@ fn words_that_cannot_be_understood_are_refused_with_the_possible_ones() {
         ("leek --actuator 1", "plant `rig` has no fault `leek` ; a kind that `hil inject --list` shows ; leakage"),
         (
             "leakage --actuator 1 --coeficient 1",
-            "`leakage` has no key `coeficient`, and hil no option `--coeficient` ; \
+            "`leakage` has no key `coeficient`, and hil has no option `--coeficient` ; \
              one of `actuator`, `coefficient_m3ps_per_sqrt_pa`, `speed_per_s` ; coefficient_m3ps_per_sqrt_pa",
         ),
-        ("bias measured.a 1 --duraton 3", "`bias` has no key `duraton`, and hil no option `--duraton` ; one of `bias` ; --duration"),
+        ("bias measured.a 1 --duraton 3", "`bias` has no key `duraton`, and hil has no option `--duraton` ; one of `bias` ; --duration"),
         ("skip plant 3", "`skip` does not act on `plant` ; `controller`, or no target, because it is the only one ; "),
         ("supply-loss controller 0.5 0.5", "`supply-loss` does not act on `controller` ; no target, because it acts on the plant ; "),
         ("skip controller x", "`x` is not a number for `steps` ; a number in steps ; "),

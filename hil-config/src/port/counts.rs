@@ -1,0 +1,99 @@
+//! Counts of a port at the end of a run, as `hil-port` writes them and the summary shows them.
+
+use serde::{Deserialize, Serialize};
+use shared_types::text;
+
+/// Name of the file in the session's folder with the counts of a port.
+pub const COUNTS_FILE: &str = "port.json";
+
+/// Counts of a port.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Counts {
+    /// `false` if the far end keeps a clock of its own, so that equal runs differ.
+    pub repeatable: bool,
+    /// Frames, in the order of the port file.
+    pub frames: Vec<FrameCounts>,
+    /// Media, in the order of the port file.
+    pub media: Vec<MediumCounts>,
+}
+
+/// Counts of one frame.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FrameCounts {
+    /// Name.
+    #[serde(deserialize_with = "text::line_of")]
+    pub name: String,
+    /// Times it was sent.
+    pub sent: u64,
+    /// Values that were sent as the limit of their field.
+    pub saturated: u64,
+    /// Times it arrived and was accepted.
+    pub accepted: u64,
+    /// Times it arrived with the counter of the one before.
+    pub repeated: u64,
+    /// Times it arrived and was refused for another reason.
+    pub refused: u64,
+    /// Times it is missing by its counter.
+    pub lost: u64,
+    /// Fields that were refused in accepted frames.
+    pub refused_fields: u64,
+    /// Times it arrived before the sample that it should answer.
+    pub unasked: u64,
+}
+
+/// Counts of one medium.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MediumCounts {
+    /// Name.
+    #[serde(deserialize_with = "text::line_of")]
+    pub name: String,
+    /// Frames that are none of the port's.
+    pub foreign: u64,
+    /// Frames from a sender other than the peer.
+    pub strangers: u64,
+    /// Times that another sender took the place of the peer.
+    pub new_peers: u64,
+    /// Bytes that belong to no frame.
+    pub skipped_bytes: u64,
+    /// Attempts to send that reached nobody.
+    pub unsent: u64,
+}
+
+impl Counts {
+    /// Describes what went wrong on the wire; empty if nothing did.
+    #[must_use]
+    pub fn describe(&self) -> Vec<String> {
+        let list = |counts: &[(u64, &str)]| {
+            let counts = counts.iter().filter(|(count, _)| *count > 0);
+            let texts: Vec<String> = counts
+                .map(|(count, what)| format!("{count} {what}"))
+                .collect();
+            texts.join(", ")
+        };
+        let frames = self.frames.iter().map(|one| {
+            let counts = [
+                (one.saturated, "saturated values"),
+                (one.repeated, "repeated"),
+                (one.refused, "refused"),
+                (one.lost, "lost"),
+                (one.refused_fields, "refused fields"),
+                (one.unasked, "before their sample"),
+            ];
+            (format!("frame {}", one.name), list(&counts))
+        });
+        let media = self.media.iter().map(|one| {
+            let counts = [
+                (one.foreign, "foreign frames"),
+                (one.strangers, "frames of other senders"),
+                (one.new_peers, "new peers"),
+                (one.skipped_bytes, "bytes of no frame"),
+                (one.unsent, "attempts to send that reached nobody"),
+            ];
+            (format!("medium {}", one.name), list(&counts))
+        });
+        { frames.chain(media) }
+            .filter(|(_, counts)| !counts.is_empty())
+            .map(|(name, counts)| format!("port: {name}: {counts}"))
+            .collect()
+    }
+}

@@ -1,0 +1,130 @@
+//! Media: bytes of frames, sent and received without blocking.
+
+mod can;
+mod datagram;
+mod file;
+mod serial;
+mod stream;
+
+use std::io;
+use std::net::SocketAddr;
+use std::os::fd::BorrowedFd;
+use std::path::Path;
+
+use hil_codec::frame::CanId;
+use hil_config::port::{self, MediumKind};
+
+pub use stream::Cut;
+use stream::Stream;
+
+/// Longest frame that any medium carries, in bytes. A longer one is received as one byte more and refused.
+pub const LONGEST: usize = 4096;
+
+/// Frame that arrived.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Arrival {
+    /// Number of bytes at the beginning of the buffer.
+    pub length: usize,
+    /// Identifier, on CAN.
+    pub id: Option<CanId>,
+}
+
+/// Counts of a medium that concern no frame of the port; each is described in [`hil_config::port::counts`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Tally {
+    /// Frames from a sender other than the peer.
+    pub strangers: u64,
+    /// Times that another sender became the peer after the earlier one was silent.
+    pub new_peers: u64,
+    /// Bytes of a stream that belong to no frame.
+    pub skipped_bytes: u64,
+    /// Attempts to send that reached nobody.
+    pub unsent: u64,
+}
+
+/// Opened medium.
+pub trait Medium: Send {
+    /// Sends the bytes of a frame; returns `false` if nobody is there to read them.
+    ///
+    /// # Errors
+    /// If the medium is gone.
+    fn send(&mut self, id: Option<CanId>, bytes: &[u8]) -> io::Result<bool>;
+
+    /// Returns `true` if a frame since the last call is known to have reached nobody.
+    fn has_reached_nobody(&mut self) -> bool;
+
+    /// Receives the next frame into a buffer of more than [`LONGEST`] bytes; `None` if none has arrived.
+    ///
+    /// # Errors
+    /// If the medium is gone.
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>>;
+
+    /// Gives the last frame back, whose bytes are none of a frame: on a stream the search goes on at its second byte.
+    fn reject(&mut self) {}
+
+    /// Returns the descriptor that becomes readable when a frame arrives; `None` for a medium that must be read.
+    fn readable(&self) -> Option<BorrowedFd<'_>>;
+
+    /// Returns the counts so far.
+    fn counts(&self) -> Tally;
+}
+
+/// Opens a medium, whose paths are relative to a folder. `cut` says where frames end on it, if it is a stream of bytes.
+///
+/// # Errors
+/// If it does not exist, is in use or belongs to another user.
+pub fn open(medium: &port::Medium, cut: Cut, folder: &Path) -> io::Result<Box<dyn Medium>> {
+    let path_of = |path: &str| folder.join(path);
+    Ok(match &medium.kind {
+        MediumKind::Udp { to, listen } => Box::new(datagram::Udp::open(*to, *listen)?),
+        MediumKind::Cannelloni { to, listen, .. } => {
+            Box::new(can::Cannelloni::new(datagram::Udp::open(*to, *listen)?))
+        }
+        MediumKind::Tcp { address, listens } => match listens {
+            true => Box::new(Stream::tcp_listener(*address, cut)?),
+            false => Box::new(Stream::tcp(*address, cut)),
+        },
+        MediumKind::Unix {
+            path,
+            is_stream: true,
+            listens,
+        } => match listens {
+            true => Box::new(Stream::unix_listener(&path_of(path), cut)?),
+            false => Box::new(Stream::unix(path_of(path), cut)),
+        },
+        MediumKind::Unix { path, listens, .. } => {
+            Box::new(datagram::Unix::open(&path_of(path), *listens)?)
+        }
+        MediumKind::Serial { .. } => Box::new(Stream::serial(serial::open(&medium.kind)?, cut)),
+        MediumKind::Can { .. } => {
+            let why = "this version opens no CAN interface of the kernel; use a medium `cannelloni` and the program of that name";
+            return Err(io::Error::new(io::ErrorKind::Unsupported, why));
+        }
+        MediumKind::File { path } => Box::new(file::File::open(&path_of(path), cut == Cut::Line)?),
+    })
+}
+
+/// Returns a text of a medium for messages: its kind and place.
+#[must_use]
+pub fn place(kind: &MediumKind) -> String {
+    let address = |to: &Option<SocketAddr>, listen: &Option<SocketAddr>| match (to, listen) {
+        (Some(to), Some(listen)) => format!("{to} from {listen}"),
+        (Some(to), None) => format!("{to}"),
+        (None, Some(listen)) => format!("the sender to {listen}"),
+        (None, None) => String::new(),
+    };
+    match kind {
+        MediumKind::Udp { to, listen } => format!("UDP, {}", address(to, listen)),
+        MediumKind::Cannelloni { to, listen, .. } => {
+            format!("cannelloni, {}", address(to, listen))
+        }
+        MediumKind::Tcp { address, listens } => match listens {
+            true => format!("TCP, the client of {address}"),
+            false => format!("TCP, {address}"),
+        },
+        MediumKind::Unix { path, .. } => format!("the socket {path}"),
+        MediumKind::Serial { device, baud, .. } => format!("{device} at {baud} baud"),
+        MediumKind::Can { interface, .. } => format!("CAN interface {interface}"),
+        MediumKind::File { path } => format!("the file {path}"),
+    }
+}

@@ -1,0 +1,103 @@
+//! Files that hold one frame: Linux gives converters and PWM outputs as files of text.
+
+use std::fs::{File as Opened, OpenOptions};
+use std::io::{self, ErrorKind};
+use std::os::fd::BorrowedFd;
+use std::os::unix::fs::{FileExt, FileTypeExt};
+use std::path::Path;
+
+use hil_codec::frame::CanId;
+
+use super::{Arrival, Medium, Tally};
+
+/// File that is read and written from its beginning. Each read is an arrival.
+#[derive(Debug)]
+pub(super) struct File {
+    reader: Option<Opened>,
+    writer: Option<Opened>,
+    /// `true` if the file has been read since the last call that returned nothing.
+    is_read: bool,
+    /// `true` if frames are lines, whose end is none of a value.
+    is_text: bool,
+}
+
+impl File {
+    /// Opens a file for what its owner allows: a converter can only be read, and some outputs only be written.
+    ///
+    /// # Errors
+    /// If it can be neither read nor written, or is a folder or pipe.
+    pub(super) fn open(path: &Path, is_text: bool) -> io::Result<Self> {
+        let kind = std::fs::metadata(path)?.file_type();
+        if kind.is_dir() || kind.is_fifo() || kind.is_socket() {
+            let why = "it is a folder, pipe or socket; this medium is for files that hold a frame";
+            return Err(io::Error::new(ErrorKind::InvalidInput, why));
+        }
+        let reader = OpenOptions::new().read(true).open(path);
+        let writer = OpenOptions::new().write(true).open(path);
+        match (reader, writer) {
+            (Err(error), Err(_)) => Err(error),
+            (reader, writer) => Ok(Self {
+                reader: reader.ok(),
+                writer: writer.ok(),
+                is_read: false,
+                is_text,
+            }),
+        }
+    }
+}
+
+impl Medium for File {
+    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
+        let writer = self.writer.as_ref().ok_or(ErrorKind::PermissionDenied)?;
+        writer.write_all_at(bytes, 0)?;
+        // An ordinary file would keep the end of a longer frame; a device's has no length.
+        if writer.metadata()?.len() > bytes.len() as u64 {
+            let _ = writer.set_len(bytes.len() as u64);
+        }
+        Ok(true)
+    }
+
+    fn has_reached_nobody(&mut self) -> bool {
+        false
+    }
+
+    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
+        self.is_read = !self.is_read;
+        let Some(reader) = self.reader.as_ref().filter(|_| self.is_read) else {
+            return Ok(None);
+        };
+        let length = reader.read_at(buffer, 0)?;
+        let length = match self.is_text {
+            true => buffer[..length].trim_ascii_end().len(),
+            false => length,
+        };
+        Ok((length > 0).then_some(Arrival { length, id: None }))
+    }
+
+    fn readable(&self) -> Option<BorrowedFd<'_>> {
+        None
+    }
+
+    fn counts(&self) -> Tally {
+        Tally::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shorter_frame_leaves_no_end_of_the_longer_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("duty cycle");
+        std::fs::write(&path, "1000").expect("written");
+        let mut file = super::File::open(&path, true).expect("opened");
+        file.send(None, b"25\n").expect("sent");
+        assert_eq!(std::fs::read(&path).expect("read"), b"25\n");
+        let mut buffer = [0; 8];
+        let arrival = file.receive(&mut buffer).expect("received");
+        assert_eq!(arrival.map(|one| one.length), Some(2));
+        assert_eq!(file.receive(&mut buffer).expect("received"), None);
+    }
+}
