@@ -187,6 +187,15 @@ impl Carries {
         }
     }
 
+    /// Returns the opposite direction.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Sample => Self::Command,
+            Self::Command => Self::Sample,
+        }
+    }
+
     /// Returns the kinds of signals that travel in this direction.
     #[must_use]
     pub const fn kinds(self) -> &'static [SignalKind] {

@@ -14,7 +14,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
 /// targets, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 23] = [
+const ARROWS: [(&str, &[&str], &[&str]); 22] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
@@ -48,23 +48,13 @@ const ARROWS: [(&str, &[&str], &[&str]); 23] = [
         &[],
     ),
     (
-        "hil-rig",
-        &[
-            "shared-types",
-            "hil-codec",
-            "hil-session",
-            "hil-config",
-            "plant-process",
-        ],
-        &[],
-    ),
-    (
         "hil-port",
         &[
             "shared-types",
             "hil-session",
             "hil-codec",
             "hil-config",
+            "plant-process",
             "controller-process",
         ],
         &[],
@@ -222,7 +212,6 @@ const ARROWS: [(&str, &[&str], &[&str]); 23] = [
             "hil-target",
             "hil-campaign",
             "hil-foreign",
-            "hil-rig",
         ],
     ),
 ];
@@ -242,14 +231,13 @@ const SYSTEM: [&str; 8] = [
 /// The only package with `unsafe`.
 const FOREIGN: &str = "hil-foreign";
 
-const PROGRAMS: [&str; 7] = [
+const PROGRAMS: [&str; 6] = [
     "controller-process",
     "hil",
     "hil-fmu",
     "hil-port",
     "hil-target",
     "plant-process",
-    "hil-rig",
 ];
 
 fn packages() -> Vec<Value> {
@@ -352,7 +340,7 @@ fn the_contract_needs_no_package_for_the_operating_system() {
 }
 
 #[test]
-fn there_are_seven_programs() {
+fn there_are_six_programs() {
     let packages = packages();
     let targets = packages
         .iter()

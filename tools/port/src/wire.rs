@@ -1,5 +1,7 @@
 //! The frames of a port, bound to the rows of a side: what is sent, what arrives, and what is counted.
 
+mod turn;
+
 use std::io;
 use std::mem::{Discriminant, discriminant, take};
 use std::os::fd::BorrowedFd;
@@ -118,11 +120,11 @@ const fn is_no_frame(refusal: &Refusal) -> bool {
     )
 }
 
-/// Checks a port as a side of a run, without opening anything.
+/// Checks a port as a side of a run that sends one direction, without opening anything.
 ///
 /// # Errors
 /// If the period of a frame is no whole number of steps, or a frame has no medium.
-pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
+pub fn check(port: &Port, sends: Carries, period_s: f64) -> Result<(), String> {
     for frame in &port.frames {
         steps(frame, period_s)?;
         if frame.medium.is_none() {
@@ -134,11 +136,12 @@ pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
     }
     let of = |carries| port.frames.iter().filter(move |one| one.carries == carries);
     for (index, medium) in port.media.iter().enumerate() {
-        let received = of(Carries::Command).filter(|one| one.medium == Some(index));
+        let received = of(sends.other()).filter(|one| one.medium == Some(index));
         cut(&medium.kind, received.map(|one| &one.frame))
             .map_err(|error| format!("medium `{}`: {error}", medium.name))?;
     }
-    if port.exchange == Exchange::Free {
+    // A plant behind a port waits for nobody.
+    if port.exchange == Exchange::Free || sends == Carries::Command {
         return Ok(());
     }
     for command in of(Carries::Command) {
@@ -161,10 +164,7 @@ impl Wire {
     /// # Errors
     /// If a medium cannot be opened, or frames cannot be told apart on it.
     pub fn open(port: &Port, sends: Carries, period_s: f64, folder: &Path) -> Result<Self, String> {
-        let receives = match sends {
-            Carries::Sample => Carries::Command,
-            Carries::Command => Carries::Sample,
-        };
+        let receives = sends.other();
         let (out_table, in_table) = (port.table(sends), port.table(receives));
         let mut row = Row::new(in_table.len());
         let mut outgoing = Vec::new();
@@ -244,23 +244,12 @@ impl Wire {
         values: &[f64],
         invalid: &SignalSet,
     ) -> Result<(), WireError> {
-        self.row.advance();
-        self.has_arrived.fill(false);
+        self.begin();
         self.receive()?;
         for (unasked, has_arrived) in self.unasked.iter_mut().zip(&mut self.has_arrived) {
             *unasked += u64::from(take(has_arrived) && self.port.exchange == Exchange::Answers);
         }
-        for one in &mut self.outgoing {
-            if !step.is_multiple_of(one.divider) {
-                continue;
-            }
-            one.bytes.clear();
-            (one.bytes).extend_from_slice(one.packer.pack(values, invalid));
-            let result = self.media[one.medium].medium.send(one.id, &one.bytes);
-            one.is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
-            one.sent += u64::from(one.is_sent);
-        }
-        Ok(())
+        self.transmit(step, values, invalid)
     }
 
     /// Sends the frames of a step again on media where the last one reached nobody: a peer may start later than the

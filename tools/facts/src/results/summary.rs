@@ -72,6 +72,9 @@ pub struct Summary {
     /// Counts of the port at the far end of which the controller is; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub port: Option<Counts>,
+    /// Counts of the port at the far end of which the plant is; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant_port: Option<Counts>,
     rate_hz: f64,
     /// Number of recorded steps.
     pub steps: u64,
@@ -346,6 +349,7 @@ impl Summary {
             held_commands: recorded.held_commands.clone(),
             bus: end.map(|end| end.bus.clone()).unwrap_or_default(),
             port: None,
+            plant_port: None,
             rate_hz: plan.run.rate.hz(),
             steps,
             sim_time_s,

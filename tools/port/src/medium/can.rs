@@ -7,7 +7,7 @@ use std::os::fd::BorrowedFd;
 use hil_codec::frame::CanId;
 
 use super::datagram::Udp;
-use super::{Arrival, LONGEST, Medium, Tally};
+use super::{Arrival, LONGEST, Medium, Outlet, Tally};
 
 /// Format version of cannelloni datagrams.
 const VERSION: u8 = 2;
@@ -100,6 +100,10 @@ impl Medium for Cannelloni {
             true => self.udp.readable(),
             false => None,
         }
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        self.udp.outlet()
     }
 
     fn counts(&self) -> Tally {

@@ -13,7 +13,7 @@ use hil_codec::frame::CanId;
 use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr};
 use nix::sys::socket::{MsgFlags, recv, setsockopt};
 
-use super::{Arrival, Medium, Tally};
+use super::{Arrival, Medium, Outlet, Tally, To};
 
 /// Silence of the peer after which another sender may take its place.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -64,6 +64,19 @@ impl Udp {
             reached_nobody: false,
             counts: Tally::default(),
         })
+    }
+
+    /// Makes a medium that sends on an open socket.
+    pub(super) fn adopt(socket: UdpSocket, to: SocketAddr) -> Self {
+        Self {
+            socket,
+            to: Some(to),
+            follows: false,
+            is_owned: false,
+            peer: None,
+            reached_nobody: false,
+            counts: Tally::default(),
+        }
     }
 
     /// Empties the queue of errors, which shares the receive buffer and would keep the socket awake.
@@ -147,6 +160,14 @@ impl Medium for Udp {
         Some(self.socket.as_fd())
     }
 
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.socket.as_fd(),
+            to: To::Address(self.to?),
+            connection: 0,
+        })
+    }
+
     fn counts(&self) -> Tally {
         self.counts
     }
@@ -181,6 +202,19 @@ impl Unix {
             reached_nobody: false,
             counts: Tally::default(),
         })
+    }
+
+    /// Makes a medium that sends on an open socket, whose own path it removes at its end.
+    pub(super) fn adopt(socket: UnixDatagram, to: PathBuf) -> Self {
+        let address = socket.local_addr().ok();
+        let own = address.and_then(|address| address.as_pathname().map(Path::to_owned));
+        Self {
+            socket,
+            to: Some(to),
+            own: own.unwrap_or_default(),
+            reached_nobody: false,
+            counts: Tally::default(),
+        }
     }
 }
 
@@ -218,6 +252,14 @@ impl Medium for Unix {
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
         Some(self.socket.as_fd())
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.socket.as_fd(),
+            to: To::Path(self.to.as_deref()?),
+            connection: 0,
+        })
     }
 
     fn counts(&self) -> Tally {

@@ -2,13 +2,13 @@
 
 use std::fs::{File as Opened, OpenOptions};
 use std::io::{self, ErrorKind};
-use std::os::fd::BorrowedFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::{FileExt, FileTypeExt};
 use std::path::Path;
 
 use hil_codec::frame::CanId;
 
-use super::{Arrival, Medium, Tally};
+use super::{Arrival, Medium, Outlet, Tally, To};
 
 /// File that is read and written from its beginning. Each read is an arrival.
 #[derive(Debug)]
@@ -44,6 +44,16 @@ impl File {
             }),
         }
     }
+
+    /// Makes a medium that writes to an open file.
+    pub(super) const fn adopt(writer: Opened) -> Self {
+        Self {
+            reader: None,
+            writer: Some(writer),
+            is_read: false,
+            is_text: false,
+        }
+    }
 }
 
 impl Medium for File {
@@ -76,6 +86,14 @@ impl Medium for File {
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
         None
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.writer.as_ref()?.as_fd(),
+            to: To::Connected,
+            connection: 0,
+        })
     }
 
     fn counts(&self) -> Tally {

@@ -18,15 +18,13 @@ use hil_session::private_folder;
 use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
 
-use super::named::{Choice, PLANT};
+use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
 
 /// Program next to `hil` that runs FMUs.
 const OF_FMUS: &str = "hil-fmu";
 /// Program next to `hil` that runs ports.
 const OF_PORTS: &str = "hil-port";
-/// Program next to `hil` that runs ports in front of a plant.
-const OF_RIGS: &str = "hil-rig";
 /// Longest beginning of a port file in which its first key is looked for, in bytes.
 const LONGEST_BEGINNING: u64 = 64 * 1024;
 /// First bytes of a ZIP archive.
@@ -105,11 +103,7 @@ impl Host {
         let Some(kind) = ModelKind::of(&choice.path) else {
             return Ok(None);
         };
-        let host = match kind {
-            ModelKind::Port if side == PLANT.side => OF_RIGS,
-            _ => kind.host(),
-        };
-        let own = beside(host).map_err(|error| error.to_string())?;
+        let own = beside(kind.host()).map_err(|error| error.to_string())?;
         let in_words = |error| {
             let (words, own) = (kind.words(), own.display());
             format!("{words} needs {own}, which cannot be run: {error}")

@@ -98,7 +98,7 @@ impl Summary {
         for counts in &self.bus {
             writeln!(text, "  {}", counts.describe())?;
         }
-        if let Some(port) = &self.port {
+        for port in [&self.plant_port, &self.port].into_iter().flatten() {
             if !port.repeatable {
                 writeln!(
                     text,

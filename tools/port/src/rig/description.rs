@@ -1,30 +1,40 @@
 //! Tables of a port as a plant: measured signals and commands, and no truth.
 
-use hil_codec::pack::Packer;
-use hil_config::port::{Carries, Port};
+use std::path::Path;
+
+use hil_config::port::{Carries, MediumKind, Port};
 use shared_types::describe::{PlantDescription, PortPlant};
 use shared_types::layout::SignalKind;
 use shared_types::table::Field;
 
-use crate::media::simulated;
+use super::simulated::simulated;
 
 /// Ending of the name of a signal that has the age of another.
 const AGE: &str = "_age_steps";
 
-/// Describes a port as a plant.
+/// Describes a port, whose paths are relative to a folder, as a plant.
 ///
 /// # Errors
-/// If a command has no safe value, or a sample has a reference signal.
-pub fn describe(port: &Port) -> Result<PlantDescription, String> {
+/// If the port cannot be a plant: a command has no safe value, or a sample has a reference signal.
+pub fn describe(port: &Port, folder: &Path) -> Result<PlantDescription, String> {
     if port.media.is_empty() {
         return Err("a port in front of a plant needs [[media]]".into());
     }
     let safe = port.safe_row()?;
     let sample = port.table(Carries::Sample);
+    if sample.is_empty() {
+        return Err("the port carries no sample, so nothing of the plant is measured".into());
+    }
     if let Some(signal) = { sample.0.iter() }.find(|one| one.kind == SignalKind::Reference) {
         return Err(format!(
             "a plant does not send `reference.{}`; reference signals of a rig are [[stimuli]] of the scenario, omit the field",
             signal.field.name
+        ));
+    }
+    if let Some(medium) = { port.media.iter() }.find(|one| is_kernel_can(&one.kind)) {
+        return Err(format!(
+            "medium `{}` is a CAN interface of the kernel, on which no safe value can be kept; use a medium `cannelloni` and the program of that name",
+            medium.name
         ));
     }
     let readings = sample.0.iter().map(|signal| Field {
@@ -41,7 +51,6 @@ pub fn describe(port: &Port) -> Result<PlantDescription, String> {
         default: Some(safe),
         ..Field::signal(&signal.field.name, &signal.field.unit, "")
     });
-    let simulated = simulated(port);
     Ok(PlantDescription {
         name: port.name.clone(),
         summary: match port.description.as_str() {
@@ -54,25 +63,20 @@ pub fn describe(port: &Port) -> Result<PlantDescription, String> {
         commands: commands.collect(),
         faults: Vec::new(),
         saves: false,
-        port: Some(PortPlant { simulated }),
+        port: Some(PortPlant {
+            simulated: simulated(port, folder),
+        }),
     })
 }
 
 /// Lists the signals whose age is given to the controller: those that have a limit of it.
-pub(crate) fn aged(port: &Port) -> impl Iterator<Item = &str> {
-    (port.frames.iter())
+pub(super) fn aged(port: &Port) -> impl Iterator<Item = &str> {
+    { port.frames.iter() }
         .filter(|one| one.carries == Carries::Sample && one.stale_s.is_some())
         .flat_map(|one| one.frame.signals())
         .map(|(signal, _)| signal.name.as_str())
 }
 
-/// Binds the frames that are sent, in the order of the port file.
-pub(crate) fn packers(port: &Port) -> Result<Vec<(Packer, usize)>, String> {
-    let commands = port.table(Carries::Command);
-    let frames = { port.frames.iter() }.filter(|one| one.carries == Carries::Command);
-    let bound = frames.map(|one| {
-        let packer = Packer::new(&one.frame, &commands).map_err(|error| error.to_string())?;
-        Ok((packer, one.medium.unwrap_or_default()))
-    });
-    bound.collect()
+const fn is_kernel_can(kind: &MediumKind) -> bool {
+    matches!(kind, MediumKind::Can { .. })
 }
