@@ -10,10 +10,10 @@ use std::sync::atomic::Ordering;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 
-use crate::support::harness::{Rig, send, text};
+use crate::support::harness::{EXPIRES_S, Rig, send, text};
 use crate::support::programs::shipped;
 use crate::support::python::python;
-use kills::{endless, process_with, without_processes};
+use kills::{endless, endless_within, process_with, without_processes};
 use peer::{Peer, REPEATS, SAFE_N, free, scenario, write_port};
 
 const REQUIREMENTS: &str = r#"
@@ -29,7 +29,8 @@ expression = "max(measured.position_m)"
 fn run(rig: &Rig, path: &str) -> Value {
     let out = rig.path("out");
     let session = ["--session", rig.session(), "--out", text(&out), "--json"];
-    let run = rig.hil(&[&["run", path][..], &session].concat());
+    let run = ["run", path, "--wait-limit", "60"];
+    let run = rig.hil(&[&run[..], &session].concat());
     run.expect(0).json()
 }
 
@@ -39,8 +40,9 @@ fn a_rig_is_controlled_recorded_and_judged_without_a_simulated_plant() {
     write_port(&rig, &peer.medium, "");
     let path = scenario(&rig, 3.0, REQUIREMENTS);
     let out = text(&rig.path("out")).to_owned();
-    let run = rig.hil(&["run", &path, "--session", rig.session(), "--out", &out]);
-    let run = run.expect(0);
+    let session = ["--session", rig.session(), "--out", &out];
+    let run = ["run", &path, "--wait-limit", "60"];
+    let run = rig.hil(&[&run[..], &session].concat()).expect(0);
     peer.until_safe();
     let summary = std::fs::read_to_string(rig.path("out").join("summary.json"));
     let summary: Value = serde_json::from_str(&summary.expect("a summary")).expect("JSON");
@@ -142,7 +144,7 @@ fn a_killed_keeper_ends_the_run_and_the_port_sends_the_safe_value() {
 #[test]
 fn a_silent_peer_ends_the_run_and_gets_the_safe_value() {
     let (rig, peer) = (Rig::new(), Peer::start());
-    let running = endless(&rig, &peer, "");
+    let running = endless_within(EXPIRES_S, &rig, &peer, "");
     peer.is_silent.store(true, Ordering::Relaxed);
     let run = running.finish().expect(3);
     run.says(&["sent no valid frame for 4.000 s", "UDP, 127.0.0.1:"]);

@@ -39,13 +39,25 @@ while True:
     time.sleep(0.005)
 "#;
 
-/// Starts a run that lasts until something is lost.
+/// Starts a run that lasts until something is lost, with a wait limit that does not expire on a loaded machine.
 pub(super) fn endless<'r>(rig: &'r Rig, peer: &Peer, more: &str) -> Running<'r> {
+    endless_within(60.0, rig, peer, more)
+}
+
+/// Starts such a run with a wait limit in s.
+pub(super) fn endless_within<'r>(
+    limit_s: f64,
+    rig: &'r Rig,
+    peer: &Peer,
+    more: &str,
+) -> Running<'r> {
     write_port(rig, &peer.medium, more);
     let path = scenario(rig, 3600.0, "");
     let out = rig.path("out");
     let session = ["--session", rig.session(), "--out", text(&out)];
-    let running = rig.start_hil(&[&["run", &path][..], &session].concat());
+    let limit = limit_s.to_string();
+    let run = ["run", &path, "--wait-limit", &limit];
+    let running = rig.start_hil(&[&run[..], &session].concat());
     peer.until_commanded();
     running
 }
