@@ -45,7 +45,7 @@ pub(crate) use input::PLANT_TARGET;
 pub use input::driven;
 pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
-pub use requirement::Requirement;
+pub use requirement::{Requirement, Trace};
 pub use stimulus::{INPUT_KEYS, Stimulus};
 pub use taps::{tap_fields, taps_of};
 

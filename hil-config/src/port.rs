@@ -26,6 +26,7 @@ use crate::scenario::{Scenario, read_regular, root, unreadable};
 use crate::title::{TITLE, is_title};
 
 use dbc::DbcFiles;
+pub use dbc::dbc_files;
 pub(crate) use dbc::read_text as read_dbc;
 
 pub use safety::{Safe, Safety};

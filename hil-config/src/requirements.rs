@@ -8,7 +8,7 @@ use shared_types::time::{Rate, Step};
 
 use crate::expression::{Columns, ExpressionError};
 use crate::monitor::{FormulaContext, Monitors, Verdict};
-use crate::plan::Plan;
+use crate::plan::{Plan, Trace};
 
 /// Requirements of a run.
 #[derive(Clone, Debug)]
@@ -23,12 +23,13 @@ pub(crate) struct Requirements {
     monitors: Monitors,
 }
 
-/// Name, formula and unit of a requirement.
+/// Name, formula, unit and identifiers of a requirement.
 #[derive(Clone, Debug)]
 struct Stated {
     name: String,
     formula: String,
     unit: String,
+    trace: Trace,
 }
 
 /// Result of a requirement.
@@ -45,6 +46,9 @@ pub struct RequirementValue {
     pub robustness: Option<f64>,
     /// Unit of the robustness.
     pub unit: String,
+    /// Identifiers by which other documents know the requirement.
+    #[serde(flatten)]
+    pub trace: Trace,
     /// Time in s of the step that determines the robustness.
     pub at_s: Option<f64>,
     /// Time in s of the step that made the verdict certain.
@@ -59,6 +63,7 @@ impl Requirements {
             name: requirement.name.clone(),
             formula: requirement.formula.to_string(),
             unit: requirement.unit.clone(),
+            trace: requirement.trace.clone(),
         });
         let formulas = plan.requirements.iter().map(|one| &one.formula);
         Ok(Self {
@@ -95,6 +100,7 @@ impl Requirements {
                 name,
                 formula,
                 unit,
+                trace,
             } = stated.clone();
             RequirementValue {
                 name,
@@ -102,6 +108,7 @@ impl Requirements {
                 verdict: judgement.verdict(),
                 robustness: judgement.robustness(),
                 unit,
+                trace,
                 at_s: seconds(judgement.judged_by()),
                 decided_at_s: seconds(judgement.decided_at()),
             }

@@ -256,7 +256,7 @@ impl Table {
         }
     }
 
-    /// Writes the value between a row and the next one.
+    /// Interpolates between the points `at` and `at + 1` and writes the value and its derivatives to `row`.
     fn between(&self, at: usize, time_s: f64, row: &mut [f64]) {
         let times_s = self.points.time_s();
         let since_s = time_s - times_s[at];

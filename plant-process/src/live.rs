@@ -85,8 +85,9 @@ pub fn objections_of(session: &SessionInfo) -> Objections {
     Box::new(move |question| {
         let answer =
             live::ask_at::<_, ParameterAnswer>(&session, OBJECTIONS, question, OBJECTION_LIMIT);
-        let answer =
-            answer.map_err(|error| format!("the validation could not be requested: {error}"))?;
+        let answer = answer.map_err(|error| {
+            format!("cannot ask the program to validate the parameters: {error}")
+        })?;
         answer.objection.map_or(Ok(()), Err)
     })
 }
@@ -152,6 +153,7 @@ impl Service {
             reference: run.stimuli.iter().flat_map(reference).collect(),
             inputs: driven(&run.stimuli),
             kinds: run.kinds.clone(),
+            networks: run.networks,
         }))
     }
 

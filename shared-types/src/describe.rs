@@ -109,7 +109,7 @@ fn shown(what: &str, name: &str) -> Result<String, String> {
     Ok(format!("{what} `{name}`"))
 }
 
-/// Checks tables of at most N columns each.
+/// Checks tables, each against its own maximum number of columns.
 fn check_tables<const N: usize>(
     whose: &str,
     tables: [(&str, &[Field], usize); N],

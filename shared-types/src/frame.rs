@@ -190,7 +190,7 @@ pub enum FrameError {
     #[error("the frame's signal layout differs from the agreed one")]
     Layout,
     /// Number of values that differs from the agreed one.
-    #[error("the frame's number of values differs from the agreed one")]
+    #[error("the number of values in the frame differs from the agreed number")]
     Count,
     /// Unknown kind.
     #[error("the frame's kind is unknown")]

@@ -276,6 +276,18 @@ pub struct Possible {
     pub inputs: Vec<Field>,
     /// Fault kinds on signals, links and timing.
     pub kinds: Vec<FaultKindDescription>,
+    /// Number of networks of the link.
+    #[serde(default = "one_network", skip_serializing_if = "is_one_network")]
+    pub networks: u8,
+}
+
+const fn one_network() -> u8 {
+    1
+}
+
+/// Returns `true` for a link without redundancy.
+const fn is_one_network(networks: &u8) -> bool {
+    *networks == 1
 }
 
 /// Problem with a request.

@@ -52,6 +52,8 @@ def main() -> None:
                     continue
                 low = -(1 << signal.length - 1) if signal.is_signed else 0
                 raw = seeded.randrange(low, low + (1 << signal.length))
+                # More than 52 digits are not exact as a float.
+                raw = raw >> max(signal.length - 52, 0) << max(signal.length - 52, 0)
                 value = raw * signal.scale + signal.offset
                 if signal.minimum is not None:
                     value = min(max(value, signal.minimum), signal.maximum)

@@ -142,6 +142,9 @@ fn a_live_fault_acts_on_one_network_and_is_refused_where_there_is_one() {
     ];
     let running = rig.start_hil(&arguments);
     rig.until_held_at(200);
+    rig.in_session("inject --list --kind message-loss")
+        .expect(0)
+        .prints(&["link.sample.a, link.sample.b, link.command, link.command.a, link.command.b"]);
     rig.in_session("inject message-loss link.sample.b")
         .expect(0);
     let refused = rig

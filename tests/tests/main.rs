@@ -66,6 +66,7 @@
 //! | [`validity`] | invalid and old signals, from the plant's sensor and the law's command to the verdict |
 //! | [`values`] | `hil get` and `hil watch` against the recording of the session |
 //! | [`viewers`] | recordings in rerun, Foxglove's packages and rosbags |
+//! | [`wires`] | ports before cantools, can-cannelloni and tcpdump |
 //!
 //! [`support::programs`] builds the programs under test. [`support::harness`] gives each test a folder of its own and a
 //! watchdog, and checks after every run that nothing of it is left. [`support::mcap_reader`] reads recordings,
@@ -91,7 +92,9 @@
 //! | `HIL_TEST_SLURM=1` | Slurm and munge |
 //! | `HIL_TEST_SSHD=1` | `sshd` and `python3` |
 //! | `HIL_TEST_STRACE=1` | `strace` |
+//! | `HIL_TEST_TCPDUMP=1` | `tcpdump`, `python3` and a user who may make network namespaces |
 //! | `HIL_TEST_UNSHARE=1` | a user who may mount file systems |
+//! | `HIL_TEST_VCAN=1` | a CAN interface `vcan0` of the kernel |
 //!
 //! `HIL_WRITE_BOOK=1` regenerates the references of the book. `HIL_TEST_PAGE=docs/faults` runs the commands of the pages
 //! whose path contains that text, and of no others.
@@ -115,6 +118,7 @@ mod determinism;
 mod doctor;
 #[path = "../shared/every_fault.rs"]
 mod every_fault;
+mod evidence;
 mod examples;
 mod excerpts;
 mod export;
@@ -171,3 +175,4 @@ mod tuning;
 mod validity;
 mod values;
 mod viewers;
+mod wires;

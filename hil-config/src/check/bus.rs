@@ -1,6 +1,6 @@
 //! `[bus]`: a sound port file whose frames carry everything that the law reads and the plant is commanded by.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::BTreeMap;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -11,12 +11,12 @@ use shared_types::table::Field;
 
 use super::run::Grid;
 use crate::bus;
-use crate::document::{Table, Value};
+use crate::document::Value;
 use crate::plan::BusPlan;
-use crate::port::{Carries, Port, PortTables, read_dbc};
+use crate::port::{Carries, Port, PortTables, dbc_files, read_dbc};
 use crate::problem::{ProblemKind, listed};
 use crate::reader::{Reader, Section};
-use crate::scenario::{Scenario, advice_on_missing, read_regular};
+use crate::scenario::{advice_on_missing, read_regular};
 
 /// Both ends of the bus. A part that is `None` is itself faulty.
 pub(super) struct Ends<'a> {
@@ -162,13 +162,9 @@ fn source(reader: &mut Reader, section: &Section<'_>, folder: &Path) -> Option<(
             return None;
         }
     };
-    let mut names = HashSet::new();
-    if let Ok(file) = Scenario::parse(&text, &path) {
-        dbc_names(&file.table, &mut names);
-    }
     let home = path.parent().unwrap_or(Path::new("")).to_owned();
     // A file that cannot be read is reported where the port file names it.
-    let dbc = names
+    let dbc = dbc_files(&text, &path)
         .into_iter()
         .filter_map(|name| Some((name.clone(), read_dbc(&home.join(name)).ok()?)));
     let dbc = dbc.collect();
@@ -183,25 +179,6 @@ fn text_of(reader: &mut Reader, section: &Section<'_>, key: &str) -> Option<Stri
         _ => {
             reader.wrong_type(&section.path_of(key), node, "text");
             None
-        }
-    }
-}
-
-fn dbc_names(table: &Table, names: &mut HashSet<String>) {
-    for entry in table.entries() {
-        match &entry.node.value {
-            Value::Text(name) if entry.key == "dbc" => {
-                names.insert(name.clone());
-            }
-            Value::Table(table) => dbc_names(table, names),
-            Value::List(items) => {
-                for item in items {
-                    if let Value::Table(table) = &item.value {
-                        dbc_names(table, names);
-                    }
-                }
-            }
-            _ => {}
         }
     }
 }

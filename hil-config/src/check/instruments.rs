@@ -179,7 +179,7 @@ fn range(reader: &mut Reader, section: &Section<'_>, scales: &Scales<'_>) -> Opt
     let path = section.path_of("range");
     let node = &section.table.get("range")?.node;
     let unit = scales.unit;
-    let expected = format!("[lower, upper], two different ends in {unit}");
+    let expected = format!("[lower, upper], two different bounds in {unit}");
     let Value::List(ends) = &node.value else {
         reader.wrong_type(&path, node, expected);
         return None;

@@ -7,10 +7,10 @@ use super::signals::report;
 use crate::expression::Columns;
 use crate::formula::Formula;
 use crate::monitor::{FormulaContext, Monitors};
-use crate::plan::{Derived, Requirement};
+use crate::plan::{Derived, Requirement, Trace};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
-use crate::title::{TITLE, is_title};
+use crate::title::{IDENTIFIER, TITLE, is_identifier, is_title};
 
 /// Returns the valid requirements and reports the others. Without columns, because plant, law or stimuli are faulty,
 /// names are not looked up, and without a grid windows are not checked.
@@ -25,12 +25,17 @@ pub(super) fn check(
     let context = (columns.zip(grid))
         .map(|(columns, grid)| FormulaContext::new(columns, derived, grid.rate, grid.steps));
     let mut names = HashSet::new();
+    let mut ids = HashSet::new();
     let mut requirements = Vec::new();
     for section in &sections {
         reader.refuse_unknown(section, &[]);
         let name = name(reader, section, &mut names);
         let description = reader.text(section, "description").unwrap_or_default();
         let unit = reader.text(section, "unit");
+        let trace = Trace {
+            id: id(reader, section, &mut ids),
+            verifies: verifies(reader, section),
+        };
         let formula = formula(reader, section, columns, context.as_ref());
         if let (Some(name), Some(formula)) = (name, formula) {
             let implied = columns.and_then(|columns| formula.unit(columns).ok()?);
@@ -39,10 +44,45 @@ pub(super) fn check(
                 description: description.into(),
                 unit: unit.map_or_else(|| implied.unwrap_or_default(), Into::into),
                 formula,
+                trace,
             });
         }
     }
     requirements
+}
+
+/// Returns a valid identifier that no earlier requirement has.
+fn id(reader: &mut Reader, section: &Section<'_>, ids: &mut HashSet<String>) -> Option<String> {
+    let id = reader.text(section, "id")?;
+    if !is_identifier(id) {
+        reader.refuse(section, "id", id, IDENTIFIER);
+        return None;
+    }
+    if !ids.insert(id.into()) {
+        let message = format!("another requirement already has the id `{id}`");
+        reader.report_at(section, "id", ProblemKind::Duplicate, message);
+        return None;
+    }
+    Some(id.into())
+}
+
+/// Returns the valid identifiers of verified requirements, each once.
+fn verifies(reader: &mut Reader, section: &Section<'_>) -> Vec<String> {
+    let mut verifies: Vec<String> = Vec::new();
+    for (path, place, id) in reader.texts(section, "verifies").unwrap_or_default() {
+        if !is_identifier(id) {
+            let message = format!("`{path}` is `{id}`");
+            reader
+                .report(ProblemKind::OutOfRange, &path, place, message)
+                .expected(IDENTIFIER);
+        } else if verifies.iter().any(|earlier| earlier == id) {
+            let message = format!("`{id}` is listed twice");
+            reader.report(ProblemKind::Duplicate, &path, place, message);
+        } else {
+            verifies.push(id.into());
+        }
+    }
+    verifies
 }
 
 /// Returns a valid name that no earlier requirement has.

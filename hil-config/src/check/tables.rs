@@ -441,7 +441,7 @@ fn refuse_early_end(
         return Some(());
     }
     let message = format!(
-        "the table ends at {} s with {last}, and the run at {} s",
+        "the table ends at {} s with {last}, but the run ends at {} s",
         number(end_s),
         number(grid.end_s())
     );

@@ -133,7 +133,7 @@ fn number(text: &str, at: usize) -> Result<(TokenKind, usize), ExpressionError> 
         if let Some(factors) = spellings::of_percentage(&behind[..length]) {
             let (product, part) = (&rest[..end], value_si / 100.0);
             let message = format!(
-                "`{product}` is a percentage times a unit; write `{part:?} {factors}`, and there is no operator `%` for a remainder"
+                "`{product}` is a percentage times a unit; write `{part:?} {factors}` (`%` is not a remainder operator)"
             );
             return Err(ExpressionError::new(text, span, message));
         }

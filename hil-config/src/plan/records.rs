@@ -71,7 +71,7 @@ impl Plan {
         }
     }
 
-    /// Returns the record layout of a run of its plant and its law, both as seen on the wire.
+    /// Returns the record layout of a run of this plan with this plant and law, both as seen on the wire.
     #[must_use]
     pub fn record_layout(&self, plant: &PlantDescription, law: &LawDescription) -> RecordLayout {
         let command = SignalTable::of(SignalKind::Command, law.sent_commands(plant))

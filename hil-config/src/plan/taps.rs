@@ -119,8 +119,7 @@ impl Plan {
         tap_fields(plant, [&self.sensors, &self.actuators], self.run.rate)
     }
 
-    /// Records the taps for whose full names, such as `sensor.angle_rad`, `is_recorded` returns `true`, besides those
-    /// that are recorded already.
+    /// Also records the taps whose full names, such as `sensor.angle_rad`, satisfy `is_recorded`.
     pub fn tap(&mut self, plant: &PlantDescription, is_recorded: impl Fn(&str) -> bool) {
         let all = possible(plant, [&self.sensors, &self.actuators], self.run.rate);
         let sides = [&mut self.sensors, &mut self.actuators];

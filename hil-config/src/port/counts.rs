@@ -27,15 +27,18 @@ pub struct FrameCounts {
     pub name: String,
     /// Times it was sent.
     pub sent: u64,
+    /// Times it was sent once more because nothing had answered the first sample.
+    #[serde(default)]
+    pub resent: u64,
     /// Values that were sent as the limit of their field.
     pub saturated: u64,
     /// Times it arrived and was accepted.
     pub accepted: u64,
-    /// Times it arrived with the counter of the one before.
+    /// Times it arrived with the same counter as the frame before.
     pub repeated: u64,
     /// Times it arrived and was refused for another reason.
     pub refused: u64,
-    /// Times it is missing by its counter.
+    /// Times that a gap in its counter shows it is missing.
     pub lost: u64,
     /// Fields that were refused in accepted frames.
     pub refused_fields: u64,
@@ -59,6 +62,15 @@ pub struct MediumCounts {
     pub skipped_bytes: u64,
     /// Attempts to send that reached nobody.
     pub unsent: u64,
+    /// Error frames, on CAN.
+    #[serde(default)]
+    pub error_frames: u64,
+    /// Remote requests, on CAN.
+    #[serde(default)]
+    pub remote_requests: u64,
+    /// Reads that failed, of a file.
+    #[serde(default)]
+    pub unreadable: u64,
 }
 
 impl Counts {
@@ -74,6 +86,7 @@ impl Counts {
         };
         let frames = self.frames.iter().map(|one| {
             let counts = [
+                (one.resent, "sent once more before the first answer"),
                 (one.saturated, "saturated values"),
                 (one.repeated, "repeated"),
                 (one.refused, "refused"),
@@ -90,6 +103,9 @@ impl Counts {
                 (one.new_peers, "new peers"),
                 (one.skipped_bytes, "bytes of no frame"),
                 (one.unsent, "attempts to send that reached nobody"),
+                (one.error_frames, "error frames"),
+                (one.remote_requests, "remote requests"),
+                (one.unreadable, "reads that failed"),
             ];
             (format!("medium {}", one.name), list(&counts))
         });

@@ -1,18 +1,48 @@
 //! DBC files that a port file names, each read once.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io;
 use std::path::Path;
 
 use hil_codec::dbc::{Dbc, Message};
 
+use crate::document::{Table, Value};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
-use crate::scenario::advice_on_missing;
+use crate::scenario::{Scenario, advice_on_missing};
 use crate::source::Place;
 
 /// Largest DBC file.
 const LARGEST: u64 = 16 << 20;
+
+/// Lists the DBC files that the text of a port file names, relative to its folder; none if the text cannot be parsed.
+#[must_use]
+pub fn dbc_files(text: &str, origin: &Path) -> BTreeSet<String> {
+    let mut names = BTreeSet::new();
+    if let Ok(file) = Scenario::parse(text, origin) {
+        names_in(&file.table, &mut names);
+    }
+    names
+}
+
+fn names_in(table: &Table, names: &mut BTreeSet<String>) {
+    for entry in table.entries() {
+        match &entry.node.value {
+            Value::Text(name) if entry.key == "dbc" => {
+                names.insert(name.clone());
+            }
+            Value::Table(table) => names_in(table, names),
+            Value::List(items) => {
+                for item in items {
+                    if let Value::Table(table) = &item.value {
+                        names_in(table, names);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+}
 
 /// DBC files by their names; `None` for one that cannot be used, which is reported once.
 pub(super) struct DbcFiles<'a> {

@@ -350,7 +350,7 @@ fn report(
         .help(help);
 }
 
-/// Reports frames with the same name or identifier, that cannot be told apart, or with the same signal.
+/// Reports frames that share a name, an identifier or a signal, or that cannot be told apart.
 fn conflicts(reader: &mut Reader, frames: &[(&Section<'_>, PortFrame)]) {
     let mut homes: HashMap<(Carries, SignalKind, &str), &str> = HashMap::new();
     for (index, (section, one)) in frames.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Written, forgotten, section, string};
+use super::{Written, forgotten, section, string, strings};
 use crate::keys::REQUIREMENT;
 use crate::plan::Requirement;
 
@@ -13,6 +13,11 @@ pub(super) fn requirement(text: &mut String, requirement: &Requirement) -> Writt
         "name" => Some(string(&requirement.name)),
         "formula" => Some(string(&requirement.formula.to_string())),
         "description" => (!description.is_empty()).then(|| string(description)),
+        "id" => requirement.trace.id.as_deref().map(string),
+        "verifies" => {
+            let verifies = &requirement.trace.verifies;
+            (!verifies.is_empty()).then(|| strings(verifies))
+        }
         "unit" => Some(string(&requirement.unit)),
         other => forgotten(other),
     })

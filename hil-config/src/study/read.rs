@@ -187,7 +187,7 @@ fn varied(
         if sampling == Sampling::Grid
             && !matches!(spread, Spread::Choice(_) | Spread::Expression(_))
         {
-            let message = format!("`{name}` is {kind}, but a grid needs points");
+            let message = format!("`{name}` is {kind}, but grid sampling needs a list of points");
             reader
                 .report_at(section, "kind", ProblemKind::OutOfRange, message)
                 .expected("list, grid or expression, or another sampling");

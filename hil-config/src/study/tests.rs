@@ -109,7 +109,7 @@ fn each_mistake_is_reported_with_its_place_and_the_nearest_name() {
         ("cases = 1\nset = [\"a.b\"]\n".into(), "`a.b` has no `=`"),
         (format!("cases = 1\n{}", uniform.replace("a.b", "a..b")), "`` is not a key"),
         (format!("cases = 1\n{}", uniform.replace("a.b", "a.class")), "a column of every table of results"),
-        (format!("sampling = \"grid\"\n{uniform}"), "`b` is uniform, but a grid needs points"),
+        (format!("sampling = \"grid\"\n{uniform}"), "`b` is uniform, but grid sampling needs a list of points"),
         ("sampling = \"grid\"\ncases = 3\n".into(), "a grid has as many cases as points"),
         ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1, \"x\"]\n".into(), "a value of the same type as the first"),
         ("cases = 1\n[[vary]]\nkey = \"a.b\"\nkind = \"list\"\nvalues = [1]\n".into(), "nothing varies"),

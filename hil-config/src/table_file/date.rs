@@ -56,7 +56,7 @@ impl Date {
         let Some(date) = Self::parse(cell) else {
             return Err(Objection::new(
                 format!(
-                    "not a point: `{}` in `{name}` is not a date, and the first row has one",
+                    "not a point: `{}` in `{name}` is not a date, but the first row has one",
                     text()
                 ),
                 format!("a date in every row or a number in every row; {FORMS}"),
@@ -69,7 +69,7 @@ impl Date {
             };
             return Err(Objection::new(
                 format!(
-                    "not a point: `{}` in `{name}` has {this}, and the first row has {first}",
+                    "not a point: `{}` in `{name}` has {this}, but the first row has {first}",
                     text()
                 ),
                 "a zone in every row or in none",

@@ -115,6 +115,30 @@ fn names_are_unique_and_valid_as_file_names() {
             "already named `a`",
         ),
         (
+            "\"T-12.3\"",
+            "^\"T 12\"",
+            ProblemKind::OutOfRange,
+            "`requirements[0].id` is `T 12`",
+        ),
+        (
+            "\"T-12.3\"",
+            "\"T-1\"\n[[requirements]]\nname = \"b\"\nformula = \"error_rad < 2\"\nid = ^\"T-1\"",
+            ProblemKind::Duplicate,
+            "another requirement already has the id `T-1`",
+        ),
+        (
+            "[\"SYS_7\", \"SYS-8.1\"]",
+            "[\"SYS_7\", ^\"SYS 8\"]",
+            ProblemKind::OutOfRange,
+            "`requirements[0].verifies[1]` is `SYS 8`",
+        ),
+        (
+            "[\"SYS_7\", \"SYS-8.1\"]",
+            "[\"SYS_7\", ^\"SYS_7\"]",
+            ProblemKind::Duplicate,
+            "`SYS_7` is listed twice",
+        ),
+        (
             "unit = \"rad\"",
             "unit = ^\"\\u001b[31mrad\"",
             ProblemKind::OutOfRange,

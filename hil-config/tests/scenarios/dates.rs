@@ -37,7 +37,7 @@ fn dates_that_are_mixed_or_do_not_rise_are_refused_with_their_line() {
         (
             "time,x\n2026-11-28T05:00:00Z,1\n12.5,2\n",
             3,
-            "`12.5` in `time` is not a date, and the first row has one",
+            "`12.5` in `time` is not a date, but the first row has one",
             "a date in every row or a number in every row",
         ),
         (
@@ -49,7 +49,7 @@ fn dates_that_are_mixed_or_do_not_rise_are_refused_with_their_line() {
         (
             "time,x\n2026-11-28T05:00:00Z,1\n2026-11-28 05:00:01,2\n",
             3,
-            "has no zone, and the first row has one",
+            "has no zone, but the first row has one",
             "a zone in every row or in none",
         ),
         (
@@ -91,7 +91,7 @@ fn dates_that_are_mixed_or_do_not_rise_are_refused_with_their_line() {
         (
             "time,x\n2026-11-28T05:00:00Z,1\n2026-13-28T05:00:00Z,2\n",
             3,
-            "is not a date, and the first row has one",
+            "is not a date, but the first row has one",
             "dates such as 2026-11-28T05:00:00.123Z",
         ),
     ];

@@ -258,7 +258,7 @@ fn a_fault_on_parameters_that_are_not_faultable_is_refused() {
         .expect_err("not faultable");
     assert_eq!(problems.0.len(), 1, "{problems}");
     assert!(
-        problems.to_string().contains("moves `stiffness_n_per_m`"),
+        problems.to_string().contains("changes `stiffness_n_per_m`"),
         "{problems}"
     );
 }

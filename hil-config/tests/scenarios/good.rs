@@ -3,7 +3,7 @@
 use hil_config::formula::Formula;
 use hil_config::plan::{
     Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Panel, Plan, Plot, Profile,
-    Programs, Realtime, Requirement, Scale, Trigger, Waveform,
+    Programs, Realtime, Requirement, Scale, Trace, Trigger, Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
@@ -48,6 +48,10 @@ fn the_base_has_the_documented_meaning() {
         description: "the surface stays near its middle".into(),
         formula: Formula::parse("always(abs(truth.surface_angle_rad) < 0.2)").expect("right"),
         unit: "rad".into(),
+        trace: Trace {
+            id: Some("T-12.3".into()),
+            verifies: vec!["SYS_7".into(), "SYS-8.1".into()],
+        },
     };
     assert_eq!(requirements, [expected]);
     let error = Plot {

@@ -124,7 +124,7 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("rate_hz = 2000", Mismatch, "sensors[0].rate_hz", &["the highest is 1000"]),
     ("rate_hz = 250\nphase_steps = 4", OutOfRange, "sensors[0].phase_steps", &["samples are 4 steps apart", "from 0 to 3"]),
     ("phase_steps = 1", Mismatch, "sensors[0].phase_steps", &["needs `rate_hz`"]),
-    ("range = [1, 1]", OutOfRange, "sensors[0].range", &["the width 0", "two different ends in rad"]),
+    ("range = [1, 1]", OutOfRange, "sensors[0].range", &["the width 0", "two different bounds in rad"]),
     ("range = [1, -1]", OutOfRange, "sensors[0].range", &["[1, -1]"]),
     ("range = [1]", WrongType, "sensors[0].range", &["1 entries"]),
     ("range = [\"-1 m\", 1]", Mismatch, "sensors[0].range[0]", &["`m` does not convert to rad"]),

@@ -137,6 +137,8 @@ name = "stays-small"
 description = "the surface stays near its middle"
 formula = "always(abs(truth.surface_angle_rad) < 0.2)"
 unit = "rad"
+id = "T-12.3"
+verifies = ["SYS_7", "SYS-8.1"]
 
 [[plots]]
 title = "Error"

@@ -188,6 +188,6 @@ fn a_quantity_beside_a_signal_in_a_scaled_unit_is_answered_with_a_plain_number()
     let text = text("FORMULA", "always(way_m < 5 cm)")
         .replace("name = \"way_m\"", "name = \"way_m\"\nunit = \"mm\"");
     let message = check(&text).expect_err("mm").to_string();
-    let advice = "numbers with units are taken in m, so write a plain number in mm: `50.0`";
+    let advice = "a number with a unit is converted to m, so write a plain number in mm: `50.0`";
     assert!(message.contains(advice), "{message}");
 }

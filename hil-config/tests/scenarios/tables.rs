@@ -213,7 +213,7 @@ fn a_mistake_is_named_with_its_line_and_the_possible_content() {
             "t,x\n0,1\n0.5,2\n",
             "column = \"x\"",
             0,
-            "ends at 0.5 s with line 3 of x.csv, and the run at 2 s",
+            "ends at 0.5 s with line 3 of x.csv, but the run ends at 2 s",
             "end = \"hold\" (the last value stays) or \"zero\", repeat = true, or run.duration_s of at most 0.5",
         ),
         (

@@ -1,4 +1,4 @@
-//! Check sums of frames, by name.
+//! Checksums of frames, by name.
 //!
 //! Names, parameters and check values of the CRCs are those of Greg Cook's "Catalogue of parametrised CRC algorithms"
 //! (reveng.sourceforge.io/crc-catalogue), which the crate `crc` carries. A sum adds bytes and keeps the lowest bits; xor

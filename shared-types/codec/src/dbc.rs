@@ -277,7 +277,8 @@ impl Reader {
 
 fn identifier(text: &str) -> Result<CanId, String> {
     let number: u64 = text.parse().map_err(|_| format!("`{text}` is not an id"))?;
-    let range = "an id has 11 bits, or 29 bits and 2147483648 added";
+    let range =
+        "an id has 11 bits, or 29 bits plus 2147483648 (bit 31), which marks it as extended";
     if number & EXTENDED != 0 {
         let id = u32::try_from(number ^ EXTENDED)
             .ok()

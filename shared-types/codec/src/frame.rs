@@ -100,7 +100,7 @@ pub enum Content {
     Constant(u64),
     /// Number that grows by one with each frame and starts again at 0 beyond its width.
     Counter(Counter),
-    /// Check sum of the bytes from the first to before the end, without those of its own field.
+    /// Checksum of the bytes from the first to before the end, without those of its own field.
     Checksum {
         /// Algorithm.
         algorithm: Algorithm,

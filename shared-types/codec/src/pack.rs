@@ -49,7 +49,7 @@ pub(crate) fn sound(frame: &Frame) -> Result<(), Unusable> {
     }
 }
 
-/// Check sum of a frame.
+/// Checksum of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sum {
     pub bits: BitField,

@@ -112,7 +112,7 @@ impl Refusal {
         match *self {
             Self::ForeignId(id) => format!("no frame has the id {id}"),
             Self::Foreign { bytes } => {
-                format!("no frame has the length and constants of these {bytes} bytes")
+                format!("no frame matches these {bytes} bytes in length, constants and checksum")
             }
             Self::Truncated { bytes, expected } => {
                 format!("frame `{name}` has {bytes} bytes and needs {expected}")

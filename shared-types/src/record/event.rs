@@ -101,7 +101,7 @@ impl ValueChange {
             .set
             .iter()
             .map(|ChangedValue { key, unit, value }| format!("{key} = {}", exact_in(*value, unit)));
-        let clear = (self.clear.iter()).map(|key| format!("{key} as its stimulus"));
+        let clear = (self.clear.iter()).map(|key| format!("{key} back to its stimulus"));
         let mut text = set.chain(clear).collect::<Vec<_>>().join(", ");
         if self.ramp_steps > 0 {
             text += &format!(", over {} steps", self.ramp_steps);
@@ -440,7 +440,7 @@ mod tests {
             set,
             clear: vec!["reference.position_m".into()],
         };
-        let text = "plant.parameters.mass_kg = 1.25 kg, reference.position_m as its stimulus";
+        let text = "plant.parameters.mass_kg = 1.25 kg, reference.position_m back to its stimulus";
         assert_eq!(change.described(), text);
         change.clear.clear();
         change.ramp_steps = 300;

@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::support::programs::workspace;
 
 /// Tools that tests start without the rig, as spelled in the sources; they start none of our programs.
-const TOOLS: [&str; 20] = [
+const TOOLS: [&str; 21] = [
     "\"cat\"",
     "\"cc\"",
     "\"cmake\"",
@@ -21,6 +21,7 @@ const TOOLS: [&str; 20] = [
     "\"rustc\"",
     "\"rustup\"",
     "\"sleep\"",
+    "\"tcpdump\"",
     "\"touch\"",
     "chromium",
     "compiler",

@@ -38,7 +38,7 @@ const TOP: [&str; 5] = [
     "SECURITY.md",
 ];
 
-/// Reads all pages: those at the top, of the book and of the examples.
+/// Reads all pages: those in the root folder, in the book and in the examples.
 pub(super) fn pages() -> Vec<Page> {
     let mut paths: Vec<PathBuf> = TOP.map(PathBuf::from).into();
     let mut expected: Vec<PathBuf> = ["docs", "docs/design", "docs/reference"]

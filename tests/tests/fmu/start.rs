@@ -163,7 +163,7 @@ fn unsupported_settings_of_an_fmu_are_refused_by_name() {
                 "`texts.its name` is \"b\" and `texts.name` is \"a\", but both name the same variable",
             ),
             ("[plant.texts]\nits__name = \"a\"\n\"its name\" = \"b\"\n", "but both name the same variable"),
-            ("start_time_s = 2\nstop_time_s = 2.5\n", "`stop_time_s` is 2.5, but a run of 2 s from the start at 2 lasts until 4"),
+            ("start_time_s = 2\nstop_time_s = 2.5\n", "`stop_time_s` is 2.5 s, but a run of 2 s that starts at 2 s lasts until 4 s"),
             ("[plant.structural]\nn = 2\n", "`structural.n` is not a structural parameter of the FMU; it has none"),
             ("[plant.structural]\nn = -2\n", "plant.structural.n"),
         ];

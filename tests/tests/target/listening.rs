@@ -119,7 +119,7 @@ fn a_contact_during_a_session_is_told_who_owns_it() {
     rig.until_held_at(100);
     let silent: Vec<TcpStream> = (0..50).map(|_| listening.contact()).collect();
     let refused = listening.check(&rig).expect(3);
-    refused.says(&["it serves another session, from 127.0.0.1:"]);
+    refused.says(&["it is serving another session, from 127.0.0.1:"]);
     drop(silent);
     rig.in_session("resume").expect(0);
     running.finish().expect(0);

@@ -27,8 +27,9 @@
 //! 3. [`hil_run`] prepares session and folder, starts both sides and supervises them.
 //! 4. Its [recorder](hil_run::recorder) drains the record stream on a thread of its own: digest, metrics,
 //!    requirements, latency, [recording](hil_recording).
-//! 5. The end of the run determines the exit code: [`hil_facts::results::requirements`] converts the verdict,
-//!    [`hil_verification::suite`] takes the worst of several, and [`hil_console::terminal::exit`] lists all codes.
+//! 5. The end of the run determines the exit code: `conclude` of [`hil_run`] gives a run its code,
+//!    [`hil_facts::results::requirements`] converts the verdict, [`hil_verification::suite`] takes the worst of
+//!    several, and [`hil_console::terminal::exit`] lists all codes.
 //!    [`hil_facts::results::summary`] reports the results, as text and as JSON.
 //!
 //! To add a subcommand, add: its arguments to `arguments` of the package that owns it; its variant to `Command` and

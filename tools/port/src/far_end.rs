@@ -1,12 +1,11 @@
 //! The far end of a port: its wire, and the program there if the port file starts one.
 
 use std::path::Path;
-use std::time::Duration;
 
 use hil_config::port::{Carries, Port};
 use hil_session::supervision::Supervision;
 
-use crate::peer::Peer;
+use crate::peer::{Peer, longest_start};
 use crate::wire::Wire;
 
 /// Surroundings in which a far end is opened.
@@ -14,8 +13,8 @@ use crate::wire::Wire;
 pub struct Opening<'a> {
     /// Folder of the port file.
     pub folder: &'a Path,
-    /// Longest wait for the started program.
-    pub limit: Duration,
+    /// Time that the other side of the run may take, in s.
+    pub wait_limit_s: f64,
     /// Requests of the launcher, which may end the wait.
     pub supervision: &'a Supervision,
 }
@@ -41,11 +40,18 @@ impl FarEnd {
     ) -> Result<Self, String> {
         let Opening {
             folder,
-            limit,
+            wait_limit_s,
             supervision,
         } = *opening;
         let wire = || Wire::open(port, sends, period_s, folder);
-        let peer = || Peer::start(&port.start, folder, limit, supervision);
+        let peer = || {
+            Peer::start(
+                &port.start,
+                folder,
+                longest_start(wait_limit_s),
+                supervision,
+            )
+        };
         // A program that says when it is ready may use the addresses of the port until then.
         Ok(match port.start.ready {
             Some(_) => {

@@ -15,9 +15,13 @@ use shared_types::quality::{Quality, SignalSet};
 
 use crate::far_end::{FarEnd, Opening};
 use crate::peer::{Peer, longest_wait};
+use crate::wire::Wire;
 
 /// Time between two attempts to reach a peer that is not there yet.
 const AGAIN: Duration = Duration::from_millis(20);
+/// Time after which the first sample is sent once more if nothing has answered, because a peer that starts later than
+/// the port may not have seen it.
+const RESEND: Duration = Duration::from_millis(250);
 
 /// Facts of the run that a law is in. Without them nothing is opened, as for `--check`.
 #[derive(Clone, Debug)]
@@ -84,6 +88,11 @@ struct PortLaw {
     step: u64,
     exchange: Exchange,
     limit: Duration,
+    /// Time that the wait for a ready peer took, by which the wait for its first answer is shorter.
+    readiness: Duration,
+    /// `true` if frames of the first sample may be lost before the peer listens: nothing has said that it is ready, and
+    /// nothing has answered.
+    is_unheard: bool,
     ledger: Ledger,
     supervision: Supervision,
 }
@@ -95,13 +104,14 @@ impl PortLaw {
         period_s: f64,
         ledger: &Ledger,
     ) -> Result<Self, Invalid> {
-        let limit = longest_wait(run.map_or(1.0, |run| run.wait_limit_s));
+        let wait_limit_s = run.map_or(1.0, |run| run.wait_limit_s);
+        let begin = Instant::now();
         let open = match run {
             Some(run) => {
                 let (folder, supervision) = (&*run.folder, &run.supervision);
                 let opening = Opening {
                     folder,
-                    limit,
+                    wait_limit_s,
                     supervision,
                 };
                 Some(FarEnd::open(port, Carries::Sample, period_s, &opening).map_err(Invalid)?)
@@ -114,7 +124,12 @@ impl PortLaw {
             invalid: SignalSet::default(),
             step: 0,
             exchange: port.exchange,
-            limit,
+            limit: longest_wait(wait_limit_s),
+            readiness: match port.start.ready {
+                Some(_) => begin.elapsed(),
+                None => Duration::ZERO,
+            },
+            is_unheard: port.start.ready.is_none(),
             ledger: Arc::clone(ledger),
             supervision: run.map_or_else(Supervision::default, |run| run.supervision.clone()),
         })
@@ -137,12 +152,17 @@ impl PortLaw {
                 None => Ok(()),
             };
         }
-        let mut resent = Instant::now();
-        let until = resent + self.limit;
+        let begin = Instant::now();
+        let limit = match step {
+            0 => self.limit.saturating_sub(self.readiness),
+            _ => self.limit,
+        };
+        let until = begin + limit;
+        let (mut tried, mut resent, mut is_resent) = (begin, begin, false);
         loop {
             wire.receive().map_err(|error| in_words(&error))?;
             let Some(frame) = wire.awaited(step) else {
-                return Ok(());
+                break;
             };
             if self.supervision.wants_stop() {
                 let name = wire.name(frame);
@@ -161,22 +181,45 @@ impl PortLaw {
                     "{end}, while frame `{name}` was awaited"
                 )));
             }
-            if resent.elapsed() >= AGAIN {
+            if tried.elapsed() >= AGAIN {
                 wire.send_again(step).map_err(|error| in_words(&error))?;
+                tried = Instant::now();
+            }
+            if self.is_unheard && resent.elapsed() >= RESEND {
+                is_resent |= wire.resend(step).map_err(|error| in_words(&error))?;
                 resent = Instant::now();
             }
-            wire.wait(until.min(resent + AGAIN))
+            wire.wait(until.min(tried + AGAIN))
                 .map_err(|error| in_words(&error))?;
             if Instant::now() >= until {
                 return Err(Failure::lost(format!(
                     "no frame `{}` within {:.3} s from {}",
                     wire.name(frame),
-                    self.limit.as_secs_f64(),
+                    limit.as_secs_f64(),
                     wire.places()
                 )));
             }
         }
+        self.is_unheard = false;
+        match is_resent {
+            true => settle(wire, until).map_err(|error| in_words(&error)),
+            false => Ok(()),
+        }
     }
+}
+
+/// Waits until nothing more arrives. The peer may have got several of the samples that were sent once more, and an answer
+/// to one of them would be taken for that of the next step.
+fn settle(wire: &mut Wire, until: Instant) -> Result<(), Box<dyn std::error::Error>> {
+    let (mut quiet, mut arrivals) = (Instant::now(), wire.arrivals());
+    while quiet.elapsed() < RESEND && Instant::now() < until {
+        wire.wait(until.min(quiet + RESEND))?;
+        wire.receive()?;
+        if wire.arrivals() != arrivals {
+            (quiet, arrivals) = (Instant::now(), wire.arrivals());
+        }
+    }
+    Ok(())
 }
 
 impl Law for PortLaw {

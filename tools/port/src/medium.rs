@@ -2,9 +2,11 @@
 
 mod adoption;
 mod can;
+mod cut;
 mod datagram;
 mod file;
 mod serial;
+mod socket_path;
 mod stream;
 
 use std::io;
@@ -16,8 +18,9 @@ use std::path::Path;
 use hil_codec::frame::CanId;
 use hil_config::port::{self, MediumKind};
 
-pub use adoption::{adopt, connecting, remove_left};
-pub use stream::Cut;
+pub use adoption::{adopt, connecting, path_of};
+pub use cut::Cut;
+pub use socket_path::remove_if_left;
 use stream::Stream;
 
 /// Longest frame that any medium carries, in bytes. A longer one is received as one byte more and refused.
@@ -43,6 +46,12 @@ pub struct Tally {
     pub skipped_bytes: u64,
     /// Attempts to send that reached nobody.
     pub unsent: u64,
+    /// Error frames, on CAN.
+    pub error_frames: u64,
+    /// Remote requests, on CAN.
+    pub remote_requests: u64,
+    /// Reads that failed, of a file.
+    pub unreadable: u64,
 }
 
 /// End of a medium on which frames are sent now.
@@ -81,14 +90,20 @@ impl To<'_> {
 
 /// Opened medium.
 pub trait Medium: Send {
-    /// Sends the bytes of a frame; returns `false` if nobody is there to read them.
+    /// Sends the bytes of a frame; returns `false` if nobody is there to read them. A stream that takes only a part
+    /// continues with the next calls, and takes no other frame before.
     ///
     /// # Errors
     /// If the medium is gone.
     fn send(&mut self, id: Option<CanId>, bytes: &[u8]) -> io::Result<bool>;
 
-    /// Returns `true` if a frame since the last call is known to have reached nobody.
-    fn has_reached_nobody(&mut self) -> bool;
+    /// Returns `true` if a sent frame turned out to have reached nobody since [`forget_lost`](Self::forget_lost).
+    fn has_reached_nobody(&self, _id: Option<CanId>, _bytes: &[u8]) -> bool {
+        false
+    }
+
+    /// Forgets the frames that reached nobody, because they are sent again or no longer needed.
+    fn forget_lost(&mut self) {}
 
     /// Receives the next frame into a buffer of more than [`LONGEST`] bytes; `None` if none has arrived.
     ///
@@ -104,6 +119,11 @@ pub trait Medium: Send {
 
     /// Returns the end on which frames are sent now; `None` if nobody is there to read them.
     fn outlet(&self) -> Option<Outlet<'_>> {
+        None
+    }
+
+    /// Returns the descriptor that becomes writable when a frame or a connection can be continued; `None` if none is to be.
+    fn writable(&self) -> Option<BorrowedFd<'_>> {
         None
     }
 
@@ -138,10 +158,7 @@ pub fn open(medium: &port::Medium, cut: Cut, folder: &Path) -> io::Result<Box<dy
             Box::new(datagram::Unix::open(&path_of(path), *listens)?)
         }
         MediumKind::Serial { .. } => Box::new(Stream::serial(serial::open(&medium.kind)?, cut)),
-        MediumKind::Can { .. } => {
-            let why = "this version opens no CAN interface of the kernel; use a medium `cannelloni` and the program of that name";
-            return Err(io::Error::new(io::ErrorKind::Unsupported, why));
-        }
+        MediumKind::Can { interface, .. } => Box::new(can::Interface::open(interface)?),
         MediumKind::File { path } => Box::new(file::File::open(&path_of(path), cut == Cut::Line)?),
     })
 }

@@ -1,35 +1,35 @@
 //! The frames of a port, bound to the rows of a side: what is sent, what arrives, and what is counted.
 
+mod check;
+mod refusals;
 mod turn;
 
 use std::io;
-use std::mem::{Discriminant, discriminant, take};
+use std::mem::{discriminant, take};
 use std::os::fd::BorrowedFd;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use hil_codec::frame::{Body, CanId, Frame};
+use hil_codec::frame::{CanId, Frame};
 use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
-use hil_codec::row::{FieldResult, Refusal, Row};
+use hil_codec::row::{FieldResult, Row};
 use hil_config::port::counts::{Counts, FrameCounts, MediumCounts};
 use hil_config::port::{Carries, Exchange, MediumKind, Port, PortFrame};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::quality::SignalSet;
-use shared_types::time::Rate;
 
-use crate::medium::{self, Cut, LONGEST, Medium};
+pub use check::check;
+use check::{age_limit, cut, steps};
+use refusals::{Kind, is_new, is_no_frame, report};
+
+use crate::medium::{self, LONGEST, Medium};
 
 /// Most frames that are read in one step from one medium. A peer that sends more is read on at the next step; the
 /// kernel drops what does not fit its buffer.
 const MOST_AT_ONCE: usize = 4096;
 /// Pause between two looks at a medium that cannot be waited for.
 const LOOK: Duration = Duration::from_micros(200);
-/// Most kinds of refusals that are printed; all are counted.
-const MOST_PRINTED: usize = 20;
-/// Most bytes of a refused frame that are printed.
-const MOST_BYTES: usize = 64;
-
 /// Frame that is sent.
 struct Outgoing {
     /// Place in the port file.
@@ -40,9 +40,11 @@ struct Outgoing {
     divider: u64,
     /// Bytes that were sent last.
     bytes: Vec<u8>,
-    /// `true` if the medium took them.
+    /// `true` if the medium took them, and has not said since that they reached nobody.
     is_sent: bool,
     sent: u64,
+    /// Times it was sent once more because no answer had come.
+    resent: u64,
 }
 
 /// Medium with the frames that arrive on it.
@@ -52,9 +54,6 @@ struct Incoming {
     /// Place in the port file of each frame of the receiver.
     frames: Vec<usize>,
 }
-
-/// Kind of refusal: the frame, if it is known, and the reason.
-type Kind = (Option<usize>, Discriminant<Refusal>);
 
 /// Error of a medium.
 #[derive(Debug, thiserror::Error)]
@@ -80,81 +79,6 @@ pub struct Wire {
     refused_fields: Vec<u64>,
     printed: Vec<Kind>,
     buffer: Vec<u8>,
-}
-
-/// Returns the number of steps of the period of a frame, for a side that runs once in `period_s`.
-fn steps(frame: &PortFrame, period_s: f64) -> Result<u64, String> {
-    let rate = Rate::new(1.0 / period_s).ok_or_else(|| format!("no port runs at {period_s} s"))?;
-    frame.period.steps(rate).map_err(|(below, above)| {
-        let name = &frame.frame.name;
-        format!(
-            "the period of frame `{name}` is no whole number of steps of {period_s} s; use {below} s or {above} s"
-        )
-    })
-}
-
-/// Returns the largest age in steps of an accepted value.
-fn age_limit(stale_s: f64, period_s: f64) -> u32 {
-    let steps = (stale_s / period_s * (1.0 + 1e-9)).floor();
-    // A conversion from a float saturates.
-    steps as u32
-}
-
-/// Returns the ends of the frames that arrive on a medium.
-fn cut<'a>(kind: &MediumKind, frames: impl Iterator<Item = &'a Frame>) -> Result<Cut, String> {
-    if kind.is_stream() {
-        return Cut::of(frames, matches!(kind, MediumKind::Serial { .. }));
-    }
-    let mut bodies = frames.map(|frame| &frame.body);
-    Ok(match bodies.any(|body| matches!(body, Body::Json(_))) {
-        true => Cut::Line,
-        false => Cut::Lengths(Vec::new()),
-    })
-}
-
-/// Returns `true` if bytes are none of a frame, so that a stream has to be searched again.
-const fn is_no_frame(refusal: &Refusal) -> bool {
-    matches!(
-        refusal,
-        Refusal::Foreign { .. } | Refusal::Constant { .. } | Refusal::Checksum { .. }
-    )
-}
-
-/// Checks a port as a side of a run that sends one direction, without opening anything.
-///
-/// # Errors
-/// If the period of a frame is no whole number of steps, or a frame has no medium.
-pub fn check(port: &Port, sends: Carries, period_s: f64) -> Result<(), String> {
-    for frame in &port.frames {
-        steps(frame, period_s)?;
-        if frame.medium.is_none() {
-            let name = &frame.frame.name;
-            return Err(format!(
-                "frame `{name}` has no medium; the far end of a port is reached by one"
-            ));
-        }
-    }
-    let of = |carries| port.frames.iter().filter(move |one| one.carries == carries);
-    for (index, medium) in port.media.iter().enumerate() {
-        let received = of(sends.other()).filter(|one| one.medium == Some(index));
-        cut(&medium.kind, received.map(|one| &one.frame))
-            .map_err(|error| format!("medium `{}`: {error}", medium.name))?;
-    }
-    // A plant behind a port waits for nobody.
-    if port.exchange == Exchange::Free || sends == Carries::Command {
-        return Ok(());
-    }
-    for command in of(Carries::Command) {
-        let divider = steps(command, period_s)?;
-        let mut samples = of(Carries::Sample).filter_map(|sample| steps(sample, period_s).ok());
-        if !samples.any(|sample| divider.is_multiple_of(sample)) {
-            let name = &command.frame.name;
-            return Err(format!(
-                "frame `{name}` is awaited at steps at which no sample is sent that it could answer; give it the period of a sample, or use `exchange = \"free\"`"
-            ));
-        }
-    }
-    Ok(())
 }
 
 impl Wire {
@@ -185,6 +109,7 @@ impl Wire {
                     bytes: Vec::with_capacity(LONGEST),
                     is_sent: false,
                     sent: 0,
+                    resent: 0,
                 });
             } else {
                 of_medium[medium].push(index);
@@ -252,25 +177,58 @@ impl Wire {
         self.transmit(step, values, invalid)
     }
 
-    /// Sends the frames of a step again on media where the last one reached nobody: a peer may start later than the
-    /// port, or start again.
+    /// Sends those frames of a step again that reached nobody: a peer may start later than the port, or start again.
     ///
     /// # Errors
     /// If a medium is gone.
     pub fn send_again(&mut self, step: u64) -> Result<(), WireError> {
-        for (index, incoming) in self.media.iter_mut().enumerate() {
-            if !incoming.medium.has_reached_nobody() {
-                continue;
-            }
-            let due = |one: &&mut Outgoing| one.medium == index && step.is_multiple_of(one.divider);
-            for one in self.outgoing.iter_mut().filter(due) {
-                let result = incoming.medium.send(one.id, &one.bytes);
-                let is_sent = result.map_err(|error| gone(&self.port, index, error))?;
-                one.sent += u64::from(is_sent && !one.is_sent);
-                one.is_sent |= is_sent;
-            }
+        for one in due(&mut self.outgoing, step).filter(|one| one.is_sent) {
+            let medium = &self.media[one.medium].medium;
+            one.is_sent = !medium.has_reached_nobody(one.id, &one.bytes);
+            one.sent -= u64::from(!one.is_sent);
+        }
+        for incoming in &mut self.media {
+            incoming.medium.forget_lost();
+        }
+        for one in due(&mut self.outgoing, step).filter(|one| !one.is_sent) {
+            let result = self.media[one.medium].medium.send(one.id, &one.bytes);
+            one.is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
+            one.sent += u64::from(one.is_sent);
         }
         Ok(())
+    }
+
+    /// Sends the frames of a step once more on media that drop a frame without a word if nobody listens; returns `true`
+    /// if there was one.
+    ///
+    /// # Errors
+    /// If a medium is gone.
+    pub fn resend(&mut self, step: u64) -> Result<bool, WireError> {
+        let mut is_resent = false;
+        for one in due(&mut self.outgoing, step).filter(|one| one.is_sent) {
+            if !drops_silently(&self.port.media[one.medium].kind) {
+                continue;
+            }
+            let result = self.media[one.medium].medium.send(one.id, &one.bytes);
+            one.is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
+            one.resent += u64::from(one.is_sent);
+            is_resent |= one.is_sent;
+        }
+        Ok(is_resent)
+    }
+
+    /// Returns the number of frames that have arrived, accepted or not, on the media that [`resend`](Self::resend) uses.
+    #[must_use]
+    pub fn arrivals(&self) -> u64 {
+        let of = |incoming: &Incoming| {
+            let places = 0..incoming.frames.len();
+            let counts = places.map(|place| incoming.receiver.counts(place));
+            let sums = counts.map(|count| count.accepted + count.repeated + count.refused);
+            sums.sum::<u64>()
+        };
+        let media = self.port.media.iter().zip(&self.media);
+        let media = media.filter(|(medium, _)| drops_silently(&medium.kind));
+        media.map(|(_, incoming)| of(incoming)).sum()
     }
 
     /// Receives all frames that have arrived.
@@ -357,12 +315,14 @@ impl Wire {
         let fds: Vec<Option<BorrowedFd<'_>>> = receives
             .map(|incoming| incoming.medium.readable())
             .collect();
+        let writable = { self.media.iter() }.filter_map(|incoming| incoming.medium.writable());
         let limit = match fds.iter().all(Option::is_some) {
             true => left,
             false => left.min(LOOK),
         };
         let mut fds: Vec<PollFd<'_>> = { fds.iter().flatten() }
             .map(|fd| PollFd::from_borrowed_fd(*fd, PollFlags::IN))
+            .chain(writable.map(|fd| PollFd::from_borrowed_fd(fd, PollFlags::OUT)))
             .collect();
         let limit = Timespec {
             tv_sec: i64::try_from(limit.as_secs()).unwrap_or(i64::MAX),
@@ -389,6 +349,7 @@ impl Wire {
         for one in &self.outgoing {
             let count = &mut counts.frames[one.frame];
             count.sent = one.sent;
+            count.resent = one.resent;
             count.saturated = one.packer.saturated().iter().sum();
         }
         for (medium, incoming) in self.port.media.iter().zip(&self.media) {
@@ -410,6 +371,9 @@ impl Wire {
                 new_peers: of_medium.new_peers,
                 skipped_bytes: of_medium.skipped_bytes,
                 unsent: of_medium.unsent,
+                error_frames: of_medium.error_frames,
+                remote_requests: of_medium.remote_requests,
+                unreadable: of_medium.unreadable,
             });
         }
         counts
@@ -425,6 +389,23 @@ impl Wire {
     }
 }
 
+/// Returns the frames that are due at a step.
+fn due(outgoing: &mut [Outgoing], step: u64) -> impl Iterator<Item = &mut Outgoing> {
+    let frames = outgoing.iter_mut();
+    frames.filter(move |one| step.is_multiple_of(one.divider))
+}
+
+/// Returns `true` if a frame that nobody reads is lost on a medium, and the sender does not learn of it.
+const fn drops_silently(kind: &MediumKind) -> bool {
+    match kind {
+        MediumKind::Udp { .. }
+        | MediumKind::Cannelloni { .. }
+        | MediumKind::Can { .. }
+        | MediumKind::Serial { .. } => true,
+        MediumKind::Tcp { .. } | MediumKind::Unix { .. } | MediumKind::File { .. } => false,
+    }
+}
+
 fn gone(port: &Port, medium: usize, error: io::Error) -> WireError {
     let medium = &port.media[medium];
     WireError {
@@ -434,30 +415,5 @@ fn gone(port: &Port, medium: usize, error: io::Error) -> WireError {
     }
 }
 
-/// Returns `true` for the first refusal of a kind, as far as refusals are printed.
-fn is_new(printed: &mut Vec<Kind>, kind: Kind) -> bool {
-    let is_new = printed.len() < MOST_PRINTED && !printed.contains(&kind);
-    if is_new {
-        printed.push(kind);
-    }
-    is_new
-}
-
-/// Prints a refusal with the bytes of the frame.
-fn report(port: &Port, medium: usize, frame: Option<usize>, refusal: &Refusal, bytes: &[u8]) {
-    let why = match frame {
-        Some(frame) => refusal.describe(&port.frames[frame].frame),
-        None => "no frame is received on this medium".into(),
-    };
-    let beginning = &bytes[..bytes.len().min(MOST_BYTES)];
-    let hex: Vec<String> = beginning.iter().map(|byte| format!("{byte:02x}")).collect();
-    let rest = match bytes.len() > beginning.len() {
-        true => " ..",
-        false => "",
-    };
-    hil_session::program::say(&format!(
-        "medium `{}`: refused: {why}; bytes: {}{rest} (further ones of this kind are counted only)",
-        port.media[medium].name,
-        hex.join(" ")
-    ));
-}
+#[cfg(test)]
+mod tests;

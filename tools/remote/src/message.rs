@@ -6,7 +6,7 @@ use shared_types::text::{line_if_any, line_of};
 
 use crate::machine::Findings;
 
-/// Version of the protocol between desk and agent.
+/// Version of the protocol between `hil` on the user's machine and the agent.
 pub const PROTOCOL: u32 = 3;
 
 /// Reason for an agent to end, with `true` if it is a usage error that the user can fix on the command line.

@@ -113,12 +113,15 @@ fn judge(
     } else {
         note = Some(match &baseline.recording {
             Some(recording) => format!(
-                "{} is missing, so only digest and figures are compared",
+                "{} is missing, so only the digest and the figures are compared",
                 file.recording(baseline)
                     .unwrap_or_else(|| recording.clone())
                     .display()
             ),
-            None => "the baseline has no recording, so only digest and figures are compared".into(),
+            None => {
+                "the baseline has no recording, so only the digest and the figures are compared"
+                    .into()
+            }
         });
         changes.extend(signal_changes(baseline, &figures));
         ComparedBy::Figures

@@ -8,6 +8,7 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 pub mod arguments;
 pub mod baseline;
 pub mod compare;
+pub mod evidence;
 pub mod judge;
 pub mod repetition;
 pub mod replay;

@@ -7,7 +7,7 @@
 
 mod audit;
 mod case;
-mod junit;
+pub(crate) mod junit;
 pub mod lost;
 mod markdown;
 mod noise;

@@ -21,6 +21,7 @@ use hil_console::terminal::output;
 use hil_console::terminal::progress::Progress;
 use hil_facts::results::summary::{self, MarkAt};
 use hil_recording::reader::RunReader;
+use hil_verification::evidence::{self, Request};
 use serde::Serialize;
 use shared_types::number::{exact, unit_shown};
 use shared_types::record::Event;
@@ -39,11 +40,29 @@ const LOOK_RECORDS: u64 = 1024;
 /// # Errors
 /// If the run cannot be read or lacks a requested signal or time, or if the file cannot be written.
 pub fn export(arguments: &ExportArguments) -> Result<Exit, Failure> {
-    let exported = table(arguments, Interruption::listen()?)?;
+    let exported = match &arguments.evidence {
+        Some(folder) => evidence(arguments, folder).map(Some),
+        None => table(arguments, Interruption::listen()?),
+    }?;
     if let Some(message) = exported {
         output::write(&message)?;
     }
     Ok(Exit::Pass)
+}
+
+/// Writes evidence of the runs and returns the message for the user.
+fn evidence(arguments: &ExportArguments, folder: &Path) -> Result<String, Failure> {
+    let evidence = evidence::write(&Request {
+        runs: &arguments.runs,
+        folder,
+        needs: arguments.needs.as_deref(),
+        may_replace: arguments.force,
+    })?;
+    if arguments.json {
+        output::pretty(&evidence)
+    } else {
+        Ok(evidence.describe())
+    }
 }
 
 /// Writes the requested table or list and returns the message for the user; `None` if interrupted.
@@ -54,6 +73,11 @@ pub fn table(
     arguments: &ExportArguments,
     interruption: Interruption,
 ) -> Result<Option<String>, Failure> {
+    let [run] = &*arguments.runs else {
+        return Err(Failure::usage(
+            "a table is of one run; --evidence takes several",
+        ));
+    };
     let (from_s, until_s) = (arguments.from, arguments.until);
     if let (Some(from_s), Some(until_s)) = (from_s, until_s)
         && from_s > until_s
@@ -64,7 +88,7 @@ pub fn table(
             exact(until_s)
         )));
     }
-    let open = || RunReader::open(&arguments.run);
+    let open = || RunReader::open(run);
     let mut reader = interruption.at_once(open)?.map_err(Failure::usage)?;
     let offer = Offer::of(&reader);
     if arguments.list {

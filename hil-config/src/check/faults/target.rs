@@ -64,7 +64,7 @@ pub(super) fn of_plant<'d>(
             Ok(parameters) => Some((PLANT.into(), parameters)),
             Err(name) => {
                 let message = format!(
-                    "fault `{}` moves `{name}`, which is not faultable in plant `{}`",
+                    "fault `{}` changes `{name}`, which is not faultable in plant `{}`",
                     fault.kind, plant.name
                 );
                 let path = section.path.clone();

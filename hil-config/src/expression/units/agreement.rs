@@ -157,13 +157,13 @@ fn fitting(quantity: &Quantity, symbol: &str, other: &Source<'_>) -> Result<(), 
     match quantity.unit.conversion_to(&unit) {
         Some(_) if unit.is_coherent() => Ok(()),
         Some(conversion) if conversion.offset != 0.0 => Err(format!(
-            "numbers with units are taken in {}, so write a plain number in {symbol}: `{:?}` for a temperature, `{:?}` for a difference",
+            "a number with a unit is converted to {}, so write a plain number in {symbol}: `{:?}` for a temperature, `{:?}` for a difference",
             quantity.unit.coherent(),
             conversion.apply(quantity.written),
             conversion.factor * quantity.written
         )),
         Some(conversion) => Err(format!(
-            "numbers with units are taken in {}, so write a plain number in {symbol}: `{:?}`",
+            "a number with a unit is converted to {}, so write a plain number in {symbol}: `{:?}`",
             quantity.unit.coherent(),
             conversion.apply(quantity.written)
         )),

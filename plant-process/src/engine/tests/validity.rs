@@ -70,7 +70,7 @@ fn healthy(steps: u64) -> Job {
     }
 }
 
-/// Returns of each record the bit of the measured position, and the positions measured, sensed and true.
+/// Returns, for each record, the invalid bit of the measured position and the measured, sensed and true positions.
 fn positions(source: &mut InProcessSource) -> Vec<(u64, f64, f64, f64)> {
     let mut positions = Vec::new();
     let mut take = |item: Item<'_>| {

@@ -260,7 +260,8 @@ fn apply(effect: &mut Effect, frames: &mut [FrameLine], (step, rate): (Step, Rat
     effect.note(acted, change_steps as f64);
 }
 
-/// Returns the largest change of a copy in steps: its delay, or the period of the frame for one that is lost.
+/// Returns the largest change to any copy, in steps: its delay, or the frame's period if the copy is lost or the frame
+/// is corrupted.
 fn change(before: &Passage, after: &Passage, period_steps: u64) -> u64 {
     if after.flipped > before.flipped {
         return period_steps;

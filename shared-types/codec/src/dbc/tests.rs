@@ -65,7 +65,9 @@ fn a_file_that_contradicts_itself_is_refused_with_every_line() {
         ("BO_ 2 A: 8 N", Some("two messages have the name `A`")),
         (
             "BO_ 2048 C: 8 N",
-            Some("the id 2048 is out of range: an id has 11 bits, or 29 bits and 2147483648 added"),
+            Some(
+                "the id 2048 is out of range: an id has 11 bits, or 29 bits plus 2147483648 (bit 31), which marks it as extended",
+            ),
         ),
         (
             "BO_ 3 D: 65 N",

@@ -214,7 +214,7 @@ impl Company {
         self.backoff_ns = (4 * self.backoff_ns).min(Self::LONGEST_NS);
     }
 
-    /// Returns `true` if no contention was detected for the length of the next period.
+    /// Returns `true` if the last assumed contention ended longer ago than the next period of it would last.
     const fn are_gone(&self, now_ns: u64) -> bool {
         now_ns > self.until_ns.saturating_add(self.backoff_ns)
     }

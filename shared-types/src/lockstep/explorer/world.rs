@@ -9,7 +9,7 @@ use crate::frame::FrameKind;
 use crate::hello::{Hello, Offer};
 use crate::time::Rate;
 
-/// Frame in the cell that holds the latest one.
+/// Content of the cell that holds the latest frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Cell {
     pub(super) kind: FrameKind,

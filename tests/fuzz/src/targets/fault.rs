@@ -74,6 +74,7 @@ fn typed(line: &str) -> Option<String> {
         reference: reference(),
         inputs: Vec::new(),
         kinds: rig().kinds.clone(),
+        networks: 1,
     };
     match inject::toml(&arguments, &possible) {
         Ok(toml) => Some(toml),

@@ -85,7 +85,7 @@ fn commands(path: &Path, folder: &Path) {
     for format in [ExportFormat::Csv, ExportFormat::Parquet] {
         let output: PathBuf = folder.join(format!("run.{}", format.name()));
         let arguments = ExportArguments {
-            run: path.to_owned(),
+            runs: vec![path.to_owned()],
             output: Some(output.clone()),
             format: Some(format),
             signal: Vec::new(),
@@ -93,6 +93,8 @@ fn commands(path: &Path, folder: &Path) {
             until: None,
             every: 1,
             validity: true,
+            evidence: None,
+            needs: None,
             force: true,
             list: false,
             json: true,

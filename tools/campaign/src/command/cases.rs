@@ -18,6 +18,7 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::arguments::BinaryArguments;
 use hil_facts::programs::binaries::Binaries;
+use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::results::curve::Grid;
 use hil_facts::tables::FORMATS;
 use hil_run::alone;
@@ -171,6 +172,22 @@ impl Cases {
         match &self.rig {
             Rig::BuiltIn(_) => None,
             Rig::External(own) => Some(&own.first),
+        }
+    }
+
+    /// Returns the port file of the controller, if it is behind a port.
+    ///
+    /// # Errors
+    /// If the far end keeps a clock of its own: equal cases would have other results, and no case could be repeated.
+    pub(super) fn port(&self) -> Result<Option<&Path>, Failure> {
+        let controller = self.binaries().map(|both| &both.controller);
+        let host = controller.and_then(|one| Some((one, one.host.as_ref()?)));
+        match host.filter(|(_, host)| host.kind == ModelKind::Port) {
+            None => Ok(None),
+            Some((controller, host)) if host.is_repeatable => Ok(Some(&controller.path)),
+            Some(_) => Err(Failure::usage(
+                "a campaign needs cases that can be repeated, and the far end of this port keeps a clock of its own (`exchange = \"free\"` or `repeatable = false`); use `hil run --set`, one run after another",
+            )),
         }
     }
 
@@ -363,11 +380,17 @@ impl Cases {
             Rig::BuiltIn(_) => false,
             Rig::External(own) => plan.programs == own.first.programs(),
         };
+        // A port that is kept would hold the wire that its successor needs.
+        let has_port = self.binaries().is_some_and(|both| {
+            let host = both.controller.host.as_ref();
+            host.is_some_and(|host| host.kind == ModelKind::Port)
+        });
         let of_processes = Realtime {
             wait: plan.realtime.wait,
             ..Realtime::default()
         };
         is_first
+            && !has_port
             && !self.study().fresh_processes
             && plan.run.on_controller_loss == OnLoss::Abort
             && plan.realtime == of_processes

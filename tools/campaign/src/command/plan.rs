@@ -1,6 +1,7 @@
 //! `hil campaign check` and `plan`: checks a study and writes the [folder] of its campaign.
 
 mod folder;
+mod ports;
 
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};

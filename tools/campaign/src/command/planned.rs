@@ -2,7 +2,7 @@
 //! names, they must not be writable by users other than the owner and root, and each must have its planned hash.
 //! Results are exempt, because a folder that is only read may belong to anybody.
 
-use std::fs;
+use std::fs::{self, File, TryLockError};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -18,6 +18,8 @@ use super::quoted;
 
 /// Subfolder of the programs, where `hil` also finds its companions.
 pub(super) const PROGRAMS: &str = "programs";
+/// Subfolder of a port file as the controller, with the files that its far end needs.
+pub(super) const PORT: &str = "port";
 
 /// Checks the owner, mode and hash of every copy.
 ///
@@ -26,6 +28,33 @@ pub(super) const PROGRAMS: &str = "programs";
 pub(super) fn check(folder: &Folder) -> Result<(), Failure> {
     refuse_foreign(folder)?;
     folder.check().map_err(Failure::usage)
+}
+
+/// Returns `true` if the controller of a campaign is behind a port, whose wire serves one case at a time.
+pub(super) fn has_port(folder: &Folder) -> bool {
+    let controller = folder.manifest().controller.as_ref();
+    controller.is_some_and(|copy| copy.path.starts_with(&format!("{PORT}/")))
+}
+
+/// Locks the port of a campaign, if it has one, for as long as the file is open.
+///
+/// # Errors
+/// If another worker on the same file system has locked it.
+pub(super) fn lock_port(folder: &Folder) -> Result<Option<File>, Failure> {
+    let controller = folder.manifest().controller.as_ref();
+    let Some(copy) = controller.filter(|_| has_port(folder)) else {
+        return Ok(None);
+    };
+    let port =
+        File::open(folder.path().join(&copy.path)).map_err(|error| cannot(folder, &error))?;
+    match port.try_lock() {
+        Ok(()) => Ok(Some(port)),
+        Err(TryLockError::WouldBlock) => Err(Failure::usage(format!(
+            "another worker uses the port of the campaign in {}, whose wire serves one case at a time; wait until it has ended, or end it",
+            folder.path().display()
+        ))),
+        Err(TryLockError::Error(error)) => Err(cannot(folder, &error)),
+    }
 }
 
 /// Re-executes the `hil` with which the campaign was planned, unless it is this one.
@@ -98,7 +127,7 @@ fn programs(path: &Path, manifest: &Manifest) -> Result<Vec<PathBuf>, Failure> {
 fn foreign(folder: &Folder, why: &str) -> Failure {
     let folder_text = folder.path().display();
     Failure::usage(format!(
-        "refusing to run {folder_text}: {why}; if you trust its origin, make a copy that you own, with cp -r {} FOLDER, in a folder that only you can write to",
+        "refusing to run {folder_text}: {why}; if you trust its origin, copy it to a folder that you own and only you can write to: cp -r {} FOLDER",
         quoted(folder.path())
     ))
 }

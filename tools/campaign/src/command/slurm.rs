@@ -47,7 +47,10 @@ pub(super) fn submit(arguments: &SubmitArguments) -> Result<Exit, Failure> {
     let cases = manifest.count(&missing);
     let task_s = task_s(arguments)?;
     let by_time = (cases as f64 * manifest.case_s / task_s).ceil() as u64;
-    let tasks = by_time.clamp(1, missing.len() as u64).min(most_tasks()?);
+    let tasks = match planned::has_port(&folder) {
+        true => 1,
+        false => by_time.clamp(1, missing.len() as u64).min(most_tasks()?),
+    };
     let path = std::path::absolute(folder.path()).map_err(Failure::infrastructure)?;
     let text = |path: &std::path::Path| super::cases::text_of(path).map(str::to_owned);
     let quoted = |path: &std::path::Path| {

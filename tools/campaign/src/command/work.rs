@@ -64,6 +64,7 @@ fn run_shards(arguments: &WorkArguments) -> Result<Exit, Failure> {
         end_with_input();
     }
     planned::check(&folder)?;
+    let _wire = planned::lock_port(&folder)?;
     let cases = Cases::of_folder(&folder, &interruption)?;
     let worker = Worker {
         watchdog: Watchdog::begin(cases.study().case_limit_s),

@@ -51,9 +51,16 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
     } else {
         1
     };
-    let jobs = arguments
-        .jobs
-        .map_or(cores.div_ceil(each), |jobs| jobs as usize);
+    let jobs = match (arguments.jobs, planned::has_port(&folder)) {
+        (Some(jobs @ 2..), true) => {
+            return Err(Failure::usage(format!(
+                "the controller of this campaign is behind a port, and {jobs} cases at once would use the same wire; use --jobs 1, or copy the campaign to machines with a wire of their own"
+            )));
+        }
+        (_, true) => 1,
+        (Some(jobs), false) => jobs as usize,
+        (None, false) => cores.div_ceil(each),
+    };
     let study = planned::study(&folder)?;
     let mut broken = BTreeSet::new();
     let (collected, gathered) = loop {

@@ -11,7 +11,9 @@ const UNITS: [(&str, i32); 4] = [("ms", -3), ("us", -6), ("ns", -9), ("s", 0)];
 /// # Errors
 /// If the text is not a duration; the message shows valid forms.
 pub fn seconds(text: &str) -> Result<f64, String> {
-    let expected = || format!("`{text}` is not a duration: use 2s, 500ms, 100us or seconds");
+    let expected = || {
+        format!("`{text}` is not a duration: write 2s, 500ms, 100us, or a plain number of seconds")
+    };
     in_unit(text, "s")
         .filter(|value| *value >= 0.0)
         .ok_or_else(expected)

@@ -20,7 +20,7 @@ hil inject KIND [TARGET[,TARGET]...] [VALUE]... [--KEY VALUE[,VALUE]...]... [OPT
        hil inject --active
        hil inject --clear ID|all";
 
-/// Text behind the options in the help of `hil inject`.
+/// Text after the options in the help of `hil inject`.
 pub const EXAMPLES: &str = "\
 Keys:
   A kind's own keys are given as --KEY VALUE; their last words may be omitted: --coefficient is

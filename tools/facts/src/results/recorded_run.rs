@@ -101,7 +101,7 @@ impl RecordedRun {
         let (Some(plant), Some(law)) = (plant, law) else {
             let path = reader.path().display();
             return Err(Failure::usage(format!(
-                "{path} does not describe its plant and its law"
+                "{path} does not describe both its plant and its law"
             )));
         };
         Ok(Self {

@@ -5,6 +5,7 @@
 
 use std::fmt::Write as _;
 
+use hil_config::plan::Trace;
 use hil_config::requirements::RequirementValue;
 use hil_console::terminal::exit::Exit;
 use hil_console::terminal::table::{Table, left, right};
@@ -29,6 +30,9 @@ pub struct Requirement {
     pub at_s: Option<f64>,
     /// Time at which the verdict became certain.
     pub decided_at_s: Option<f64>,
+    /// Identifiers by which other documents know the requirement.
+    #[serde(flatten)]
+    pub trace: Trace,
 }
 
 impl From<&RequirementValue> for Requirement {
@@ -41,6 +45,7 @@ impl From<&RequirementValue> for Requirement {
             unit: value.unit.clone(),
             at_s: value.at_s,
             decided_at_s: value.decided_at_s,
+            trace: value.trace.clone(),
         }
     }
 }

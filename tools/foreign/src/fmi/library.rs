@@ -156,7 +156,7 @@ pub(super) struct StateFunctions {
 /// Optional capabilities that a run uses.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Uses {
-    /// `true` if states are to be saved, which needs the state functions of the library.
+    /// `true` if states are to be saved, which requires the library's state functions.
     pub(super) state: bool,
     /// The library needs the tool that generated it.
     pub(super) tool: bool,

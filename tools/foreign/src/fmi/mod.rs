@@ -4,7 +4,7 @@
 //! 2. [`tables`] maps its variables to signals and parameters. Up to here nothing is unpacked or run, which suffices
 //!    for `--describe`.
 //! 3. `library` loads the shared library, unpacked into a [private folder](PrivateFolder); `instance` calls its
-//!    functions in the order of the standard, `values` converts rows to its types, and `journal` receives its
+//!    functions in the order of the standard, `values` converts rows to its types and sets and reads them, and `journal` receives its
 //!    messages.
 //! 4. [`sides`] turns the FMU into a plant or a law for the program `hil-fmu`.
 //!

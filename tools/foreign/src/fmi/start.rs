@@ -86,7 +86,7 @@ impl Start {
         match self.stop_passed_by(self.time_s, length_s) {
             None => Ok(()),
             Some(stop_s) => Err(Invalid(format!(
-                "`stop_time_s` is {stop_s}, but a run of {length_s} s from the start at {} lasts until {}",
+                "`stop_time_s` is {stop_s} s, but a run of {length_s} s that starts at {} s lasts until {} s",
                 self.time_s,
                 self.time_s + length_s
             ))),

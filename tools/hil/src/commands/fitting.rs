@@ -71,7 +71,14 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
         Command::Judge(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Replay(arguments) => (vec![arguments.run.as_path()], &[Recording]),
         Command::Rerun(arguments) => (vec![arguments.run.as_path()], &[Recording]),
-        Command::Export(arguments) => (vec![arguments.run.as_path()], &[Recording]),
+        Command::Export(arguments) => {
+            let paths = arguments.runs.iter().map(PathBuf::as_path);
+            let kinds: &[FileKind] = match arguments.evidence {
+                Some(_) => &[Recording, FileKind::Summary],
+                None => &[Recording],
+            };
+            (paths.collect(), kinds)
+        }
         _ => return Ok(()),
     };
     for path in paths {

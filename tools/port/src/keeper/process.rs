@@ -19,7 +19,7 @@ use rustix::time::Timespec;
 use shared_types::quality::SignalSet;
 
 use super::{COUNTER_BYTES, END, LONGEST, MEDIUM, READY, receive};
-use crate::medium::{self, Medium, adopt, connecting, remove_left};
+use crate::medium::{self, Medium, adopt, connecting, path_of, remove_if_left};
 
 /// Time from one feed of the watchdog to the next. Hardware watchdogs have limits of several seconds.
 const FEED: Timespec = Timespec {
@@ -101,9 +101,16 @@ impl Holder {
     fn keep(mut self, pair: &OwnedFd) {
         let _ = send(pair, READY, SendFlags::NOSIGNAL);
         let is_orderly = self.wait(pair);
+        let media = self.port.media.iter().zip(&self.ends);
+        let paths = media.filter_map(|(medium, end)| {
+            let fd = end.as_ref().map(|(fd, _)| fd.as_fd());
+            path_of(&medium.kind, &self.folder, fd)
+        });
+        let paths: Vec<PathBuf> = paths.collect();
         self.send_safe();
-        for medium in &self.port.media {
-            remove_left(&medium.kind, &self.folder);
+        // A port that ends in order still has them open, and removes them itself.
+        for path in &paths {
+            remove_if_left(path);
         }
         if let Some(watchdog) = self.watchdog.as_mut().filter(|_| is_orderly) {
             let _ = watchdog.write_all(MAGIC_CLOSE);
@@ -167,9 +174,6 @@ impl Holder {
                 frame.packer.continue_at(u64::from_ne_bytes(bytes));
             }
         }
-        // An attempt to connect takes time, which the others do not have to wait for.
-        let is_new = |frame: &Safe| self.ends[frame.medium].is_none();
-        self.frames.sort_by_key(is_new);
         let mut media = self.media();
         for repeat in 0..self.port.safety.repeats {
             if repeat > 0 {

@@ -2,14 +2,15 @@
 //! medium of it that only sends.
 
 use std::io::{self, ErrorKind};
-use std::os::fd::OwnedFd;
+use std::os::fd::{BorrowedFd, OwnedFd};
 use std::os::unix::ffi::OsStrExt;
+use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 
 use hil_config::port::MediumKind;
 
-use super::can::Cannelloni;
-use super::datagram::{Udp, Unix, remove_if_left};
+use super::can::{Cannelloni, Interface};
+use super::datagram::{Udp, Unix};
 use super::file::File;
 use super::stream::Stream;
 use super::{Cut, Medium};
@@ -40,7 +41,7 @@ pub fn adopt(kind: &MediumKind, fd: OwnedFd, to: &[u8]) -> io::Result<Box<dyn Me
         MediumKind::Unix { .. } => Box::new(Stream::unix_end(fd.into())),
         MediumKind::Serial { .. } => Box::new(Stream::serial(fd.into(), no_cut())),
         MediumKind::File { .. } => Box::new(File::adopt(fd.into())),
-        MediumKind::Can { .. } => return Err(ErrorKind::Unsupported.into()),
+        MediumKind::Can { .. } => Box::new(Interface::adopt(fd)),
     })
 }
 
@@ -60,15 +61,21 @@ pub fn connecting(kind: &MediumKind, folder: &Path) -> Option<Box<dyn Medium>> {
     }
 }
 
-/// Removes the path that a killed process left of a medium.
-pub fn remove_left(kind: &MediumKind, folder: &Path) {
-    if let MediumKind::Unix {
-        path,
-        listens: true,
-        ..
-    } = kind
-    {
-        remove_if_left(&folder.join(path));
+/// Returns the path that a killed process leaves of a medium, on whose descriptor the process sent.
+pub fn path_of(kind: &MediumKind, folder: &Path, fd: Option<BorrowedFd<'_>>) -> Option<PathBuf> {
+    match kind {
+        MediumKind::Unix {
+            path,
+            listens: true,
+            ..
+        } => Some(folder.join(path)),
+        MediumKind::Unix {
+            is_stream: false, ..
+        } => {
+            let socket = UnixDatagram::from(fd?.try_clone_to_owned().ok()?);
+            Some(socket.local_addr().ok()?.as_pathname()?.to_owned())
+        }
+        _ => None,
     }
 }
 

@@ -1,10 +1,8 @@
 //! Datagrams: UDP and sockets of this machine, one frame in each.
 
 use std::io::{self, ErrorKind};
-use std::mem::take;
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
-use std::os::unix::fs::FileTypeExt;
 use std::os::unix::net::UnixDatagram;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -13,12 +11,15 @@ use hil_codec::frame::CanId;
 use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr};
 use nix::sys::socket::{MsgFlags, recv, setsockopt};
 
-use super::{Arrival, Medium, Outlet, Tally, To};
+use super::socket_path::{SocketPath, is_same};
+use super::{Arrival, LONGEST, Medium, Outlet, Tally, To};
 
 /// Silence of the peer after which another sender may take its place.
 const SILENCE: Duration = Duration::from_secs(1);
 /// Most datagrams of others that are read before one of the peer. More are read on at the next step.
 const MOST_STRANGERS: usize = 256;
+/// Most datagrams that are known to have reached nobody in one step.
+const MOST_LOST: usize = 64;
 
 /// UDP socket.
 ///
@@ -37,7 +38,9 @@ pub(crate) struct Udp {
     is_owned: bool,
     /// Address of the last accepted frame, and when it came.
     peer: Option<(SocketAddr, Instant)>,
-    reached_nobody: bool,
+    /// Datagrams of this step that reached nobody, as far as the network gives their bytes back: a host of this machine
+    /// all, a distant one the beginning, or nothing.
+    lost: Vec<Vec<u8>>,
     counts: Tally,
 }
 
@@ -61,7 +64,7 @@ impl Udp {
             follows: to.is_none(),
             is_owned: false,
             peer: None,
-            reached_nobody: false,
+            lost: Vec::new(),
             counts: Tally::default(),
         })
     }
@@ -74,15 +77,38 @@ impl Udp {
             follows: false,
             is_owned: false,
             peer: None,
-            reached_nobody: false,
+            lost: Vec::new(),
             counts: Tally::default(),
         }
     }
 
-    /// Empties the queue of errors, which shares the receive buffer and would keep the socket awake.
-    fn forget_errors(&self) {
+    /// Empties the queue of errors, which shares the receive buffer and would keep the socket awake, and keeps the
+    /// datagrams in it; returns `true` if there was one.
+    fn collect_lost(&mut self) -> bool {
         let flags = MsgFlags::MSG_ERRQUEUE | MsgFlags::MSG_DONTWAIT;
-        while recv(self.socket.as_raw_fd(), &mut [0; 1], flags).is_ok() {}
+        let mut datagram = [0; LONGEST];
+        let mut is_known = false;
+        while let Ok(length) = recv(self.socket.as_raw_fd(), &mut datagram, flags) {
+            self.note_lost(&datagram[..length]);
+            is_known = true;
+        }
+        is_known
+    }
+
+    /// Notes a datagram that reached nobody; without bytes it may be any.
+    fn note_lost(&mut self, datagram: &[u8]) {
+        self.counts.unsent += 1;
+        if self.lost.len() < MOST_LOST {
+            self.lost.push(datagram.to_vec());
+        }
+    }
+
+    /// Returns `true` if a datagram of these bytes is known to have reached nobody in this step; the bytes before a place
+    /// are not compared.
+    pub(crate) fn has_lost(&self, datagram: &[u8], from: usize) -> bool {
+        let end = datagram.get(from..).unwrap_or_default();
+        let mut lost = self.lost.iter();
+        lost.any(|lost| end.starts_with(lost.get(from..).unwrap_or_default()))
     }
 
     /// Returns `true` if a frame of this sender is one of the peer.
@@ -121,20 +147,30 @@ impl Udp {
 
 impl Medium for Udp {
     fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
-        let result = match self.to {
-            Some(to) => self.socket.send_to(bytes, to),
-            None => Err(ErrorKind::NotFound.into()),
+        let Some(to) = self.to else {
+            self.counts.unsent += 1;
+            return Ok(false);
         };
-        let is_absent = absent_peer(result, &mut self.counts)?;
-        if is_absent {
-            self.reached_nobody = true;
-            self.forget_errors();
+        let mut result = self.socket.send_to(bytes, to);
+        // The answer to an earlier datagram: this one was not sent.
+        if result.as_ref().is_err_and(is_absence) {
+            let is_known = self.collect_lost();
+            result = self.socket.send_to(bytes, to);
+            if !is_known && result.is_ok() {
+                // The queue has no room for an error while the buffer is full.
+                self.note_lost(&[]);
+            }
         }
+        let is_absent = absent_peer(result, &mut self.counts)?;
         Ok(!is_absent)
     }
 
-    fn has_reached_nobody(&mut self) -> bool {
-        take(&mut self.reached_nobody)
+    fn has_reached_nobody(&self, _: Option<CanId>, bytes: &[u8]) -> bool {
+        self.has_lost(bytes, 0)
+    }
+
+    fn forget_lost(&mut self) {
+        self.lost.clear();
     }
 
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
@@ -146,9 +182,9 @@ impl Medium for Udp {
                 Ok(_) => self.counts.strangers += 1,
                 // The answer to an earlier datagram: nobody listens there.
                 Err(error) if is_absence(&error) => {
-                    self.counts.unsent += 1;
-                    self.reached_nobody = true;
-                    self.forget_errors();
+                    if !self.collect_lost() {
+                        self.note_lost(&[]);
+                    }
                 }
                 Err(error) => return nothing(error),
             }
@@ -176,43 +212,36 @@ impl Medium for Udp {
 /// Socket of this machine with datagrams.
 #[derive(Debug)]
 pub(crate) struct Unix {
+    own: SocketPath,
     socket: UnixDatagram,
     /// Path of the peer, if known.
     to: Option<PathBuf>,
-    /// Path of a socket that this port made.
-    own: PathBuf,
-    reached_nobody: bool,
     counts: Tally,
 }
 
 impl Unix {
     pub(crate) fn open(path: &Path, listens: bool) -> io::Result<Self> {
         // A peer can only answer a socket that has a path.
-        let own = match listens {
+        let path_of_own = match listens {
             true => path.to_owned(),
             false => PathBuf::from(format!("{}.hil-{}", path.display(), std::process::id())),
         };
-        remove_if_left(&own);
-        let socket = UnixDatagram::bind(&own)?;
+        let (own, socket) = SocketPath::bind(&path_of_own, |path| UnixDatagram::bind(path))?;
         socket.set_nonblocking(true)?;
         Ok(Self {
+            own,
             socket,
             to: (!listens).then(|| path.to_owned()),
-            own,
-            reached_nobody: false,
             counts: Tally::default(),
         })
     }
 
-    /// Makes a medium that sends on an open socket, whose own path it removes at its end.
+    /// Makes a medium that sends on an open socket.
     pub(super) fn adopt(socket: UnixDatagram, to: PathBuf) -> Self {
-        let address = socket.local_addr().ok();
-        let own = address.and_then(|address| address.as_pathname().map(Path::to_owned));
         Self {
+            own: SocketPath::of_another(),
             socket,
             to: Some(to),
-            own: own.unwrap_or_default(),
-            reached_nobody: false,
             counts: Tally::default(),
         }
     }
@@ -225,29 +254,26 @@ impl Medium for Unix {
             None => Err(ErrorKind::NotFound.into()),
         };
         let is_absent = absent_peer(result, &mut self.counts)?;
-        self.reached_nobody |= is_absent;
         Ok(!is_absent)
     }
 
-    fn has_reached_nobody(&mut self) -> bool {
-        take(&mut self.reached_nobody)
-    }
-
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
-        match self.socket.recv_from(buffer) {
-            Ok((length, from)) => {
-                if let Some(path) = from.as_pathname() {
-                    let is_other = self.to.as_deref().is_some_and(|to| to != path);
-                    if is_other {
-                        self.counts.strangers += 1;
-                        return Ok(None);
-                    }
-                    self.to.get_or_insert_with(|| path.to_owned());
+        for _ in 0..MOST_STRANGERS {
+            let (length, from) = match self.socket.recv_from(buffer) {
+                Ok(arrival) => arrival,
+                Err(error) => return nothing(error),
+            };
+            if let Some(name) = from.as_pathname() {
+                // Its name is what it was bound with, which may be relative, or lead over another folder.
+                let path = self.own.resolve(name);
+                if !is_same(self.to.get_or_insert_with(|| path.clone()), &path) {
+                    self.counts.strangers += 1;
+                    continue;
                 }
-                Ok(Some(Arrival { length, id: None }))
             }
-            Err(error) => nothing(error),
+            return Ok(Some(Arrival { length, id: None }));
         }
+        Ok(None)
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
@@ -264,29 +290,6 @@ impl Medium for Unix {
 
     fn counts(&self) -> Tally {
         self.counts
-    }
-}
-
-impl Drop for Unix {
-    fn drop(&mut self) {
-        // One that is gone already needs no removal.
-        let _ = std::fs::remove_file(&self.own);
-    }
-}
-
-/// Removes the path of a socket that nobody has open, as a killed port leaves it.
-pub(super) fn remove_if_left(path: &Path) {
-    let is_socket =
-        std::fs::symlink_metadata(path).is_ok_and(|of_path| of_path.file_type().is_socket());
-    // A socket of either type refuses if nobody has it open; else it accepts, or is of the other type.
-    let is_left = || {
-        UnixDatagram::unbound()
-            .and_then(|socket| socket.connect(path))
-            .is_err_and(|error| error.kind() == ErrorKind::ConnectionRefused)
-    };
-    if is_socket && is_left() {
-        // Without it `bind` fails, and says so.
-        let _ = std::fs::remove_file(path);
     }
 }
 
@@ -359,7 +362,7 @@ mod tests {
             udp.send(None, &[0; 256]).expect("absence is no error");
             assert_eq!(udp.receive(&mut buffer).expect("no error"), None);
         }
-        assert!(udp.has_reached_nobody());
+        assert!(udp.has_reached_nobody(None, &[0; 256]));
         let peer = UdpSocket::bind(to).expect("a socket");
         let own = SocketAddr::from((Ipv4Addr::LOCALHOST, own));
         for _ in 0..2 {
@@ -369,5 +372,53 @@ mod tests {
             let arrival = udp.receive(&mut buffer).expect("received");
             assert_eq!(arrival.map(|one| one.length), Some(256));
         }
+    }
+
+    #[test]
+    fn a_datagram_that_reached_nobody_is_known_by_its_bytes() {
+        let absent = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+        let to = absent.local_addr().expect("an address");
+        drop(absent);
+        let mut udp = Udp::open(Some(to), None).expect("a socket");
+        assert!(udp.send(None, b"first").expect("not known yet"));
+        let peer = UdpSocket::bind(to).expect("a socket");
+        assert!(udp.send(None, b"second").expect("sent"));
+        let mut buffer = [0; 8];
+        assert_eq!(peer.recv(&mut buffer).expect("received"), 6);
+        assert_eq!(udp.receive(&mut buffer).expect("nothing"), None);
+        assert!(udp.has_reached_nobody(None, b"first"));
+        assert!(!udp.has_reached_nobody(None, b"second"));
+        assert_eq!(udp.counts().unsent, 1);
+    }
+
+    #[test]
+    fn the_path_of_a_socket_stays_if_another_program_has_bound_it() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("shared");
+        let own = Unix::open(&path, true).expect("bound");
+        std::fs::remove_file(&path).expect("removed");
+        let _other = UnixDatagram::bind(&path).expect("bound by another program");
+        drop(own);
+        assert!(path.exists());
+    }
+
+    #[test]
+    fn a_peer_is_the_same_under_another_path_of_its_socket() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let [real, link] = ["real", "link"].map(|name| folder.path().join(name));
+        std::fs::create_dir(&real).expect("a folder");
+        std::os::unix::fs::symlink(&real, &link).expect("a link");
+        let peer = UnixDatagram::bind(real.join("peer")).expect("bound");
+        let mut own = Unix::open(&link.join("peer"), false).expect("bound");
+        let other = UnixDatagram::bind(real.join("other")).expect("bound");
+        own.send(None, b"sample").expect("sent");
+        let mut buffer = [0; 8];
+        let (_, from) = peer.recv_from(&mut buffer).expect("received");
+        let path = from.as_pathname().expect("a path");
+        other.send_to(b"stranger", path).expect("sent");
+        peer.send_to(b"command", path).expect("sent");
+        let arrival = own.receive(&mut buffer).expect("received");
+        assert_eq!(arrival.map(|one| one.length), Some(7));
+        assert_eq!(own.counts().strangers, 1);
     }
 }

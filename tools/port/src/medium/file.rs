@@ -7,10 +7,14 @@ use std::os::unix::fs::{FileExt, FileTypeExt};
 use std::path::Path;
 
 use hil_codec::frame::CanId;
+use rustix::io::Errno;
 
 use super::{Arrival, Medium, Outlet, Tally, To};
 
-/// File that is read and written from its beginning. Each read is an arrival.
+/// File that is read and written from its beginning.
+///
+/// Each read is an arrival, also of a text that is equal to the one before: a converter measures when it is read, and
+/// equal values are as good as different ones. A read that fails is an empty frame, which is refused and counted.
 #[derive(Debug)]
 pub(super) struct File {
     reader: Option<Opened>,
@@ -19,6 +23,7 @@ pub(super) struct File {
     is_read: bool,
     /// `true` if frames are lines, whose end is none of a value.
     is_text: bool,
+    counts: Tally,
 }
 
 impl File {
@@ -41,17 +46,19 @@ impl File {
                 writer: writer.ok(),
                 is_read: false,
                 is_text,
+                counts: Tally::default(),
             }),
         }
     }
 
     /// Makes a medium that writes to an open file.
-    pub(super) const fn adopt(writer: Opened) -> Self {
+    pub(super) fn adopt(writer: Opened) -> Self {
         Self {
             reader: None,
             writer: Some(writer),
             is_read: false,
             is_text: false,
+            counts: Tally::default(),
         }
     }
 }
@@ -59,7 +66,13 @@ impl File {
 impl Medium for File {
     fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         let writer = self.writer.as_ref().ok_or(ErrorKind::PermissionDenied)?;
-        writer.write_all_at(bytes, 0)?;
+        match writer.write_all_at(bytes, 0) {
+            Err(error) if is_passing(&error) => {
+                self.counts.unsent += 1;
+                return Ok(false);
+            }
+            result => result?,
+        }
         // An ordinary file would keep the end of a longer frame; a device's has no length.
         if writer.metadata()?.len() > bytes.len() as u64 {
             let _ = writer.set_len(bytes.len() as u64);
@@ -67,21 +80,24 @@ impl Medium for File {
         Ok(true)
     }
 
-    fn has_reached_nobody(&mut self) -> bool {
-        false
-    }
-
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
         self.is_read = !self.is_read;
         let Some(reader) = self.reader.as_ref().filter(|_| self.is_read) else {
             return Ok(None);
         };
-        let length = reader.read_at(buffer, 0)?;
+        let length = match reader.read_at(buffer, 0) {
+            Ok(length) => length,
+            Err(error) if is_gone(&error) => return Err(error),
+            Err(_) => {
+                self.counts.unreadable += 1;
+                0
+            }
+        };
         let length = match self.is_text {
             true => buffer[..length].trim_ascii_end().len(),
             false => length,
         };
-        Ok((length > 0).then_some(Arrival { length, id: None }))
+        Ok(Some(Arrival { length, id: None }))
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
@@ -97,8 +113,26 @@ impl Medium for File {
     }
 
     fn counts(&self) -> Tally {
-        Tally::default()
+        self.counts
     }
+}
+
+/// Returns `true` if the device behind a file is gone.
+fn is_gone(error: &io::Error) -> bool {
+    let gone = [Errno::NODEV, Errno::NXIO, Errno::STALE, Errno::BADF];
+    Errno::from_io_error(error).is_some_and(|errno| gone.contains(&errno))
+}
+
+/// Returns `true` if a later attempt to write may succeed.
+fn is_passing(error: &io::Error) -> bool {
+    let passing = [
+        Errno::AGAIN,
+        Errno::BUSY,
+        Errno::INTR,
+        Errno::IO,
+        Errno::TIMEDOUT,
+    ];
+    Errno::from_io_error(error).is_some_and(|errno| passing.contains(&errno))
 }
 
 #[cfg(test)]

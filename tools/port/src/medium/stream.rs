@@ -4,111 +4,30 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read, Write};
 use std::mem::take;
 use std::net::{SocketAddr, TcpListener, TcpStream};
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use hil_codec::frame::{Body, CanId, Content, Frame};
+use hil_codec::frame::CanId;
+use rustix::io::Errno;
+use rustix::net::addr::SocketAddrArg;
+use rustix::net::sockopt::socket_error;
+use rustix::net::{
+    AddressFamily, SocketAddrUnix, SocketFlags, SocketType, connect, getpeername, socket_with,
+};
 
-use super::datagram::{nothing, remove_if_left};
+use super::cut::Cut;
+use super::datagram::nothing;
+use super::socket_path::SocketPath;
 use super::{Arrival, LONGEST, Medium, Outlet, Tally, To};
 
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
-/// Most reads of a stream for one frame; a sender that is faster is read on at the next call.
+/// Maximum number of reads of a stream per frame; what a faster sender has sent beyond that is read at the next call.
 const MOST_READS: u32 = 16;
-/// Time that one attempt to connect may take.
-const ATTEMPT: Duration = Duration::from_millis(200);
-
-/// Ends of frames on a stream.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Cut {
-    /// A frame ends with its line.
-    Line,
-    /// Frames of fixed lengths, each with the bytes that it begins with.
-    Lengths(Vec<(usize, Vec<u8>)>),
-}
-
-impl Cut {
-    /// Returns the ends of received frames.
-    ///
-    /// # Errors
-    /// If they cannot be told apart in a stream.
-    pub fn of<'a>(
-        frames: impl Iterator<Item = &'a Frame>,
-        is_serial: bool,
-    ) -> Result<Self, String> {
-        let (mut lines, mut lengths) = (Vec::new(), Vec::new());
-        for frame in frames {
-            match &frame.body {
-                Body::Json(_) => lines.push(&frame.name),
-                Body::Bytes { length, .. } => lengths.push((*length, sync(frame))),
-            }
-        }
-        match (lines.as_slice(), lengths.as_slice()) {
-            ([], [(_, sync)]) if is_serial && sync.is_empty() => Err("a frame on a serial line must begin with a constant, by which its beginning is found".into()),
-            ([], [_] | []) => Ok(Self::Lengths(lengths)),
-            ([], _) if are_ambiguous(&lengths) => Err("two frames of different lengths on a stream begin with the same constant; give each its own".into()),
-            ([], _) if lengths.iter().all(|(_, sync)| !sync.is_empty()) => Ok(Self::Lengths(lengths)),
-            ([], _) => Err("several frames of bytes on a stream must each begin with a constant, by which they are found".into()),
-            (_, []) => Ok(Self::Line),
-            ([line, ..], _) => Err(format!("frame {line} is a line of JSON and another one on the same stream is bytes; use one format for a stream")),
-        }
-    }
-
-    /// Returns how many bytes to skip, and the length of the frame behind them if it is complete.
-    fn find(&self, bytes: &[u8]) -> (usize, Option<usize>) {
-        match self {
-            Self::Line => match bytes.iter().position(|byte| *byte == b'\n') {
-                Some(end) if end > LONGEST => (end + 1, None),
-                Some(end) => (0, Some(end + 1)),
-                None => (0, None),
-            },
-            Self::Lengths(frames) => {
-                for skip in 0..bytes.len() {
-                    let rest = &bytes[skip..];
-                    for (length, sync) in frames {
-                        let known = rest.len().min(sync.len());
-                        if rest[..known] == sync[..known] {
-                            let is_whole = rest.len() >= *length;
-                            return (skip, is_whole.then_some(*length));
-                        }
-                    }
-                }
-                (bytes.len(), None)
-            }
-        }
-    }
-}
-
-/// Returns `true` if the beginning of a frame does not tell its length.
-fn are_ambiguous(frames: &[(usize, Vec<u8>)]) -> bool {
-    frames.iter().enumerate().any(|(index, (length, sync))| {
-        frames[..index].iter().any(|(other_length, other)| {
-            length != other_length && (sync.starts_with(other) || other.starts_with(sync))
-        })
-    })
-}
-
-/// Returns the constant bytes that a frame begins with.
-fn sync(frame: &Frame) -> Vec<u8> {
-    let Body::Bytes { length, fields } = &frame.body else {
-        return Vec::new();
-    };
-    let (mut image, mut is_constant) = (vec![0; *length], vec![0u8; *length]);
-    for field in fields {
-        if let Content::Constant(raw) = field.content {
-            field.bits.write(&mut image, raw);
-            for (byte, mask) in is_constant.iter_mut().enumerate() {
-                *mask |= field.bits.mask_of(byte);
-            }
-        }
-    }
-    let count = is_constant.iter().take_while(|mask| **mask == 0xFF).count();
-    image.truncate(count);
-    image
-}
+/// Time after which an attempt to connect is given up and another begins, as a listener that was full needs.
+const ATTEMPT: Duration = Duration::from_secs(1);
 
 /// Source of connections.
 #[derive(Debug)]
@@ -116,7 +35,11 @@ enum Source {
     TcpTo(SocketAddr),
     TcpAt(TcpListener),
     UnixTo(PathBuf),
-    UnixAt(UnixListener, PathBuf),
+    UnixAt {
+        /// Removed at the end.
+        _own: SocketPath,
+        listener: UnixListener,
+    },
     /// A line that is always open.
     Line,
 }
@@ -134,6 +57,10 @@ enum End {
 pub(super) struct Stream {
     source: Source,
     end: Option<End>,
+    /// Attempt to connect that has not ended yet, and when it began.
+    attempt: Option<(OwnedFd, Instant)>,
+    /// Bytes of the last frame that the peer has not taken yet. Half a frame would spoil the next one.
+    rest: Vec<u8>,
     /// Bytes that have arrived and are not read yet.
     arrived: Vec<u8>,
     /// Bytes of the last frame that was cut by its length.
@@ -144,7 +71,6 @@ pub(super) struct Stream {
     /// Time of the last attempt to connect.
     tried: Option<Instant>,
     was_connected: bool,
-    reached_nobody: bool,
     counts: Tally,
 }
 
@@ -153,13 +79,14 @@ impl Stream {
         Self {
             source,
             end,
+            attempt: None,
+            rest: Vec::new(),
             arrived: Vec::with_capacity(4 * LONGEST),
             last: Vec::new(),
             is_in_long_line: false,
             cut,
             tried: None,
             was_connected: false,
-            reached_nobody: false,
             counts: Tally::default(),
         }
     }
@@ -179,10 +106,13 @@ impl Stream {
     }
 
     pub(super) fn unix_listener(path: &Path, cut: Cut) -> io::Result<Self> {
-        remove_if_left(path);
-        let listener = UnixListener::bind(path)?;
+        let (own, listener) = SocketPath::bind(path, |path| UnixListener::bind(path))?;
         listener.set_nonblocking(true)?;
-        Ok(Self::new(Source::UnixAt(listener, path.into()), None, cut))
+        let source = Source::UnixAt {
+            _own: own,
+            listener,
+        };
+        Ok(Self::new(source, None, cut))
     }
 
     pub(super) fn serial(line: File, cut: Cut) -> Self {
@@ -199,21 +129,57 @@ impl Stream {
         Self::new(Source::Line, Some(End::Unix(end)), Cut::Lengths(Vec::new()))
     }
 
+    /// Returns a connection if there is one now, and never waits for it.
+    fn dial(&mut self) -> io::Result<End> {
+        let is_soon = self.tried.is_some_and(|at| at.elapsed() < RETRY);
+        match &self.source {
+            Source::TcpAt(listener) => listener.accept().map(|(stream, _)| End::Tcp(stream)),
+            Source::UnixAt { listener, .. } => {
+                listener.accept().map(|(stream, _)| End::Unix(stream))
+            }
+            Source::Line => Err(ErrorKind::UnexpectedEof.into()),
+            Source::TcpTo(_) | Source::UnixTo(_) if self.attempt.is_none() && is_soon => {
+                Err(ErrorKind::WouldBlock.into())
+            }
+            Source::UnixTo(path) => {
+                self.tried = Some(Instant::now());
+                begin(AddressFamily::UNIX, &SocketAddrUnix::new(path)?)
+                    .map(|socket| End::Unix(socket.into()))
+            }
+            Source::TcpTo(to) => {
+                let (socket, began) = match self.attempt.take() {
+                    Some(attempt) => attempt,
+                    None => {
+                        let now = Instant::now();
+                        self.tried = Some(now);
+                        let family = match to {
+                            SocketAddr::V4(_) => AddressFamily::INET,
+                            SocketAddr::V6(_) => AddressFamily::INET6,
+                        };
+                        (begin(family, to)?, now)
+                    }
+                };
+                socket_error(&socket)??;
+                match getpeername(&socket) {
+                    Ok(_) => Ok(End::Tcp(socket.into())),
+                    Err(Errno::NOTCONN) => {
+                        if began.elapsed() < ATTEMPT {
+                            self.attempt = Some((socket, began));
+                        }
+                        Err(ErrorKind::WouldBlock.into())
+                    }
+                    Err(error) => Err(error.into()),
+                }
+            }
+        }
+    }
+
     /// Connects if there is no peer and one can be reached now.
     fn connect(&mut self) -> io::Result<()> {
-        let is_soon = |at: Instant| at.elapsed() < RETRY;
-        let is_client = matches!(self.source, Source::TcpTo(_) | Source::UnixTo(_));
-        if self.end.is_some() || (is_client && self.tried.is_some_and(is_soon)) {
+        if self.end.is_some() {
             return Ok(());
         }
-        let end = match &self.source {
-            Source::TcpTo(to) => TcpStream::connect_timeout(to, ATTEMPT).map(End::Tcp),
-            Source::TcpAt(listener) => listener.accept().map(|(stream, _)| End::Tcp(stream)),
-            Source::UnixTo(path) => UnixStream::connect(path).map(End::Unix),
-            Source::UnixAt(listener, _) => listener.accept().map(|(stream, _)| End::Unix(stream)),
-            Source::Line => return Err(ErrorKind::UnexpectedEof.into()),
-        };
-        self.tried = Some(Instant::now());
+        let end = self.dial();
         match end {
             Ok(end) => {
                 match &end {
@@ -231,6 +197,7 @@ impl Stream {
                 }
                 self.end = Some(end);
                 // Nothing of the peer before is part of a frame of this one.
+                self.rest.clear();
                 self.arrived.clear();
                 self.last.clear();
                 self.is_in_long_line = false;
@@ -248,9 +215,50 @@ impl Stream {
         self.arrived.drain(..count);
     }
 
-    fn unsent(&mut self) {
-        self.counts.unsent += 1;
-        self.reached_nobody = true;
+    /// Ends the connection. A frame of which a part was written has reached nobody.
+    fn disconnect(&mut self) {
+        self.end = None;
+        self.counts.unsent += u64::from(!self.rest.is_empty());
+        self.rest.clear();
+    }
+
+    /// Writes as many bytes as the peer takes now, and returns their number.
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let result = match &mut self.end {
+            Some(End::Tcp(stream)) => stream.write(bytes),
+            Some(End::Unix(stream)) => stream.write(bytes),
+            Some(End::Line(line)) => line.write(bytes),
+            None => return Ok(0),
+        };
+        match result {
+            Err(error)
+                if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
+            {
+                Ok(0)
+            }
+            // The peer may come again.
+            Err(_) if !matches!(self.source, Source::Line) => {
+                self.disconnect();
+                Ok(0)
+            }
+            result => result,
+        }
+    }
+
+    /// Continues the frame of which a part was written.
+    fn continue_frame(&mut self) -> io::Result<()> {
+        if self.rest.is_empty() {
+            return Ok(());
+        }
+        let rest = take(&mut self.rest);
+        let count = self.write(&rest)?;
+        if self.end.is_some() {
+            self.rest = rest;
+            self.rest.drain(..count);
+        } else {
+            self.counts.unsent += 1;
+        }
+        Ok(())
     }
 
     /// Reads what has arrived; returns `true` if there was something.
@@ -268,18 +276,28 @@ impl Stream {
         };
         let count = match result {
             Ok(0) => {
-                self.end = None;
+                self.disconnect();
                 0
             }
             Ok(count) => count,
             Err(error) if error.kind() == ErrorKind::ConnectionReset => {
-                self.end = None;
+                self.disconnect();
                 0
             }
             Err(error) => nothing(error)?.unwrap_or(0),
         };
         self.arrived.truncate(begin + count);
         Ok(count > 0)
+    }
+}
+
+/// Begins to connect a socket, which may be connected at once or later.
+fn begin(family: AddressFamily, to: &impl SocketAddrArg) -> io::Result<OwnedFd> {
+    let flags = SocketFlags::NONBLOCK | SocketFlags::CLOEXEC;
+    let socket = socket_with(family, SocketType::STREAM, flags, None)?;
+    match connect(&socket, to) {
+        Ok(()) | Err(Errno::INPROGRESS) => Ok(socket),
+        Err(error) => Err(error.into()),
     }
 }
 
@@ -305,41 +323,22 @@ fn is_absence(kind: ErrorKind) -> bool {
 impl Medium for Stream {
     fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
         self.connect()?;
-        let Some(end) = &mut self.end else {
-            self.unsent();
+        self.continue_frame()?;
+        let count = match self.rest.is_empty() {
+            true => self.write(bytes)?,
+            false => 0,
+        };
+        if count == 0 {
+            self.counts.unsent += 1;
             return Ok(false);
-        };
-        let result = match end {
-            End::Tcp(stream) => stream.write(bytes),
-            End::Unix(stream) => stream.write(bytes),
-            End::Line(line) => line.write(bytes),
-        };
-        match result {
-            Ok(count) if count == bytes.len() => Ok(true),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => {
-                self.unsent();
-                Ok(false)
-            }
-            // Half a frame would spoil the next one, so the peer has to come again.
-            Ok(_) | Err(_) if !matches!(self.source, Source::Line) => {
-                self.unsent();
-                self.end = None;
-                Ok(false)
-            }
-            Ok(_) => {
-                self.unsent();
-                Ok(false)
-            }
-            Err(error) => Err(error),
         }
-    }
-
-    fn has_reached_nobody(&mut self) -> bool {
-        take(&mut self.reached_nobody)
+        self.rest.extend_from_slice(&bytes[count..]);
+        Ok(true)
     }
 
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
         self.connect()?;
+        self.continue_frame()?;
         for _ in 0..MOST_READS {
             let is_line = self.cut == Cut::Line;
             if is_line && self.is_in_long_line {
@@ -392,7 +391,7 @@ impl Medium for Stream {
             (Some(End::Unix(stream)), _) => Some(stream.as_fd()),
             (Some(End::Line(line)), _) => Some(line.as_fd()),
             (None, Source::TcpAt(listener)) => Some(listener.as_fd()),
-            (None, Source::UnixAt(listener, _)) => Some(listener.as_fd()),
+            (None, Source::UnixAt { listener, .. }) => Some(listener.as_fd()),
             (None, _) => None,
         }
     }
@@ -410,70 +409,18 @@ impl Medium for Stream {
         })
     }
 
+    fn writable(&self) -> Option<BorrowedFd<'_>> {
+        match (&self.end, &self.attempt) {
+            (Some(_), _) if !self.rest.is_empty() => self.readable(),
+            (None, Some((socket, _))) => Some(socket.as_fd()),
+            _ => None,
+        }
+    }
+
     fn counts(&self) -> Tally {
         self.counts
     }
 }
 
-impl Drop for Stream {
-    fn drop(&mut self) {
-        if let Source::UnixAt(_, path) = &self.source {
-            // One that is gone already needs no removal.
-            let _ = std::fs::remove_file(path);
-        }
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn frames_are_found_behind_garbage_and_across_reads() {
-        let cut = Cut::Lengths(vec![(4, vec![0x55, 0xAA])]);
-        assert_eq!(cut.find(&[]), (0, None));
-        assert_eq!(cut.find(&[1, 2, 3]), (3, None));
-        assert_eq!(cut.find(&[1, 0x55]), (1, None));
-        assert_eq!(cut.find(&[0x55, 1, 0x55, 0xAA, 1]), (2, None));
-        assert_eq!(cut.find(&[9, 0x55, 0xAA, 1, 2, 3]), (1, Some(4)));
-        assert_eq!(Cut::Line.find(b"{}\n{"), (0, Some(3)));
-        assert_eq!(Cut::Line.find(&[b'x'; LONGEST + 1]), (0, None));
-    }
-
-    /// Stream whose peer has written these bytes.
-    fn arrived(bytes: &[u8], cut: Cut) -> (UnixStream, Stream) {
-        let (mut peer, own) = UnixStream::pair().expect("a pair");
-        own.set_nonblocking(true).expect("a socket");
-        peer.write_all(bytes).expect("written");
-        (peer, Stream::new(Source::Line, Some(End::Unix(own)), cut))
-    }
-
-    #[test]
-    fn the_end_of_a_line_that_is_too_long_is_no_frame() {
-        let text = [&[b'x'; 3 * LONGEST][..], b"{\"f\": 77}\n{\"f\": 1}\n"].concat();
-        let (_peer, mut stream) = arrived(&text, Cut::Line);
-        let mut buffer = [0; LONGEST + 1];
-        let arrival = stream
-            .receive(&mut buffer)
-            .expect("received")
-            .expect("a line");
-        assert_eq!(&buffer[..arrival.length], b"{\"f\": 1}");
-        assert_eq!(stream.receive(&mut buffer).expect("nothing more"), None);
-        assert_eq!(stream.counts().skipped_bytes, 3 * LONGEST as u64 + 10);
-    }
-
-    #[test]
-    fn a_false_beginning_is_given_back_except_its_first_byte() {
-        let cut = Cut::Lengths(vec![(3, vec![0xAA])]);
-        let (_peer, mut stream) = arrived(&[0xAA, 1, 0xAA, 2, 3], cut);
-        let mut buffer = [0; LONGEST + 1];
-        let mut receive = |stream: &mut Stream| {
-            let arrival = stream.receive(&mut buffer).expect("received");
-            arrival.map(|one| buffer[..one.length].to_vec())
-        };
-        assert_eq!(receive(&mut stream), Some(vec![0xAA, 1, 0xAA]));
-        stream.reject();
-        assert_eq!(receive(&mut stream), Some(vec![0xAA, 2, 3]));
-        assert_eq!(stream.counts().skipped_bytes, 2);
-    }
-}
+mod tests;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use hil_config::port::{Carries, MediumKind, Port};
+use hil_config::port::{Carries, Port};
 use shared_types::describe::{PlantDescription, PortPlant};
 use shared_types::layout::SignalKind;
 use shared_types::table::Field;
@@ -29,12 +29,6 @@ pub fn describe(port: &Port, folder: &Path) -> Result<PlantDescription, String> 
         return Err(format!(
             "a plant does not send `reference.{}`; reference signals of a rig are [[stimuli]] of the scenario, omit the field",
             signal.field.name
-        ));
-    }
-    if let Some(medium) = { port.media.iter() }.find(|one| is_kernel_can(&one.kind)) {
-        return Err(format!(
-            "medium `{}` is a CAN interface of the kernel, on which no safe value can be kept; use a medium `cannelloni` and the program of that name",
-            medium.name
         ));
     }
     let readings = sample.0.iter().map(|signal| Field {
@@ -75,8 +69,4 @@ pub(super) fn aged(port: &Port) -> impl Iterator<Item = &str> {
         .filter(|one| one.carries == Carries::Sample && one.stale_s.is_some())
         .flat_map(|one| one.frame.signals())
         .map(|(signal, _)| signal.name.as_str())
-}
-
-const fn is_kernel_can(kind: &MediumKind) -> bool {
-    matches!(kind, MediumKind::Can { .. })
 }

@@ -17,7 +17,7 @@ use shared_types::time::Interval;
 use super::description::aged;
 use crate::far_end::{FarEnd, Opening};
 use crate::keeper::Keeper;
-use crate::peer::Peer;
+use crate::peer::{Peer, longest_wait};
 use crate::wire;
 
 /// Opened port in front of a plant.
@@ -57,7 +57,7 @@ impl Rig {
             ages: aged(port).filter_map(column).collect(),
             safe,
             port: Arc::clone(port),
-            limit: opening.limit,
+            limit: longest_wait(opening.wait_limit_s),
             heard: Instant::now(),
         })
     }

@@ -16,7 +16,6 @@ use shared_types::side::Side;
 use super::description::describe;
 use super::model::{Rig, RigModel, Shared, lock};
 use crate::far_end::Opening;
-use crate::peer::longest_wait;
 
 /// Plant program of a port.
 pub struct RigProgram {
@@ -58,7 +57,7 @@ impl RigProgram {
     fn open(&self, job: &Job, supervision: &Supervision) -> Result<Rig, String> {
         let opening = Opening {
             folder: self.path.parent().unwrap_or(Path::new("")),
-            limit: longest_wait(job.wait_limit_s),
+            wait_limit_s: job.wait_limit_s,
             supervision,
         };
         Rig::open(&self.port, &self.path, job.run.rate.period_s(), &opening)

@@ -28,6 +28,9 @@ impl Wire {
         values: &[f64],
         invalid: &SignalSet,
     ) -> Result<(), WireError> {
+        for incoming in &mut self.media {
+            incoming.medium.forget_lost();
+        }
         for one in &mut self.outgoing {
             if !step.is_multiple_of(one.divider) {
                 continue;

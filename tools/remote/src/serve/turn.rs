@@ -80,7 +80,7 @@ impl Turn {
         if let Served::Desk(other) | Served::Run(other) = state.served
             && state.waiting >= MOST_WAITING
         {
-            return Err(busy(other, "and others are already waiting"));
+            return Err(busy(other, ", and others are already waiting"));
         }
         state.waiting += 1;
         loop {
@@ -92,7 +92,7 @@ impl Turn {
             let remaining = limit.saturating_sub(since.elapsed());
             if remaining.is_zero() {
                 state.waiting -= 1;
-                return Err(busy(other, "wait for its end"));
+                return Err(busy(other, "; wait for it to end"));
             }
             let result = self.changes.wait_timeout(state, remaining);
             (state, _) = result.unwrap_or_else(PoisonError::into_inner);
@@ -104,7 +104,7 @@ impl Turn {
 }
 
 fn busy(by: SocketAddr, advice: &str) -> String {
-    format!("it serves another session, from {by}: {advice}")
+    format!("it is serving another session, from {by}{advice}")
 }
 
 #[cfg(test)]

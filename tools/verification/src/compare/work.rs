@@ -65,8 +65,8 @@ fn rank(column: &str) -> usize {
     place.unwrap_or(order.len())
 }
 
-/// Returns `true` if a word depends, or may depend, on the controller's answer to a sample: a true acceleration depends
-/// on the command.
+/// Returns `true` if a column depends, or may depend, on the controller's answer to a sample. `truth` counts, because
+/// an acceleration depends on the command.
 fn is_answer(column: &str) -> bool {
     [
         "command_invalid",

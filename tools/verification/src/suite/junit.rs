@@ -45,7 +45,7 @@ pub(super) fn of(rows: &[Row]) -> Result<String, Failure> {
 
 /// Serialises a report without the total number of skipped cases, which no JUnit schema allows; each suite has its
 /// own number.
-fn xml(report: &Report) -> Result<String, Failure> {
+pub(crate) fn xml(report: &Report) -> Result<String, Failure> {
     let mut text = report.to_string().map_err(Failure::infrastructure)?;
     let tag = text.find("<testsuites ").map(|begin| {
         let length = text[begin..].find('>').unwrap_or_default();
@@ -120,6 +120,8 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
 mod schema;
 #[cfg(test)]
 mod tests {
+    use hil_config::plan::Trace;
+
     use super::*;
 
     fn row(exit: Exit) -> Row {
@@ -145,6 +147,7 @@ mod tests {
             unit: "m".into(),
             at_s: None,
             decided_at_s: None,
+            trace: Trace::default(),
         }
     }
 

@@ -18,14 +18,15 @@ Examples:
   hil export runs/demo --list
   hil export runs/demo -o demo.parquet
   hil export runs/demo -o demo.csv --signal 'truth.*' --signal tracking_error_rad --from 7s
-  hil export runs/demo --signal truth.surface_angle_rad --every 100 | head";
+  hil export runs/demo --signal truth.surface_angle_rad --every 100 | head
+  hil export runs/* --evidence evidence --needs requirements.csv";
 
 /// Arguments of `hil export`.
 #[derive(Debug, Args)]
 pub struct ExportArguments {
-    /// Folder of a run or its run.mcap; latest is the newest run below runs
-    #[arg(value_name = "RUN", value_parser = run_path())]
-    pub run: PathBuf,
+    /// Folder of a run or its run.mcap; latest is the newest run below runs; several only with --evidence
+    #[arg(value_name = "RUN", required = true, value_parser = run_path())]
+    pub runs: Vec<PathBuf>,
     /// File to write, or - for standard output [default: -]
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
@@ -47,6 +48,12 @@ pub struct ExportArguments {
     /// Add a column with the validity mark after each signal that was sent
     #[arg(long)]
     pub validity: bool,
+    /// Write what the runs show about their requirements to this folder: evidence.csv, junit.xml and needs.json
+    #[arg(long, value_name = "FOLDER", conflicts_with_all = ["output", "format", "signal", "from", "until", "every", "validity", "list"])]
+    pub evidence: Option<PathBuf>,
+    /// Requirements that the runs are to verify: needs.json of sphinx-needs, or CSV with the columns id and title
+    #[arg(long, value_name = "FILE", requires = "evidence")]
+    pub needs: Option<PathBuf>,
     /// Overwrite an existing file
     #[arg(long)]
     pub force: bool,

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use hil_config::plan::{self, Plan};
+use hil_config::plan::{self, Plan, Trace};
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::Failure;
 use hil_facts::results::evaluation::RecordEvaluation;
@@ -413,6 +413,7 @@ fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
             unit: text(&one["unit"]),
             at_s: one["at_s"].as_f64(),
             decided_at_s: one["decided_at_s"].as_f64(),
+            trace: Trace::default(),
         });
     Some((text(&summary["verdict"]), requirements.collect()))
 }

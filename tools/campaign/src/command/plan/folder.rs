@@ -11,7 +11,6 @@ use std::path::{Path, PathBuf};
 use hil_console::files::part_file::PartFolder;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::beside;
-use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
 use hil_facts::programs::binaries::trusted;
 
@@ -19,8 +18,8 @@ use crate::folder::{CONFLICTS, SHARDS, try_out};
 use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
 use hil_session::file::hash;
 
-use super::Checked;
-use crate::command::planned::PROGRAMS;
+use super::{Checked, ports};
+use crate::command::planned::{PORT, PROGRAMS};
 use crate::command::study_text::with_cases;
 use crate::command::{quoted, values};
 
@@ -137,6 +136,17 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let beside = cases.scenario().path().parent().unwrap_or(Path::new(""));
     for (number, name) in cases.named_tables().into_iter().enumerate() {
         let from: PathBuf = beside.join(&name);
+        if let Some(text) = ports::text_of(&from) {
+            let names = ports::dbc_beside(&from, &text)?;
+            tables.extend(copies_beside(
+                &from,
+                names,
+                &format!("tables/{number}"),
+                copy,
+            )?);
+            tables.insert(name, copy(&from, format!("tables/{number}/bus.toml"))?);
+            continue;
+        }
         // An FMU may depend on the file extension.
         let ending = from.extension().and_then(OsStr::to_str).unwrap_or("csv");
         tables.insert(name, copy(&from, format!("tables/{number}.{ending}"))?);
@@ -147,7 +157,15 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         None => (None, None),
         Some(binaries) => (
             program("plant", &binaries.plant.path)?,
-            program("controller", &binaries.controller.path)?,
+            match cases.port()? {
+                // In a folder of its own, with what the far end needs.
+                Some(port) => {
+                    let names = ports::all_beside(port)?;
+                    tables.extend(copies_beside(port, names, PORT, copy)?);
+                    Some(copy(port, format!("{PORT}/controller.port.toml"))?)
+                }
+                None => program("controller", &binaries.controller.path)?,
+            },
         ),
     };
     let pair = match cases.binaries() {
@@ -164,11 +182,6 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let sides = cases.binaries().map(|both| [&both.plant, &both.controller]);
     let hosts = { sides.into_iter().flatten() }.filter_map(|one| one.host.as_ref());
     for host in hosts {
-        if host.kind == ModelKind::Port {
-            return Err(Failure::usage(
-                "a campaign cannot have a port as a side: all of its cases would use the same wire; use `hil run --set`, one run after another",
-            ));
-        }
         copy(&host.path, format!("{PROGRAMS}/{}", host.kind.host()))?;
     }
     Ok(Manifest {
@@ -188,6 +201,22 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         curves: checked.curves.clone(),
         case_s: checked.facts.case_s,
     })
+}
+
+/// Copies files that lie beside another one into a folder; returns the copies by the paths of the files.
+fn copies_beside(
+    file: &Path,
+    names: Vec<String>,
+    to: &str,
+    copy: impl Fn(&Path, String) -> Result<Copied, Failure>,
+) -> Result<Vec<(String, Copied)>, Failure> {
+    let home = file.parent().unwrap_or(Path::new(""));
+    let copies = names.into_iter().map(|name| {
+        let from = home.join(&name);
+        let copy = copy(&from, format!("{to}/{name}"))?;
+        Ok((from.to_string_lossy().into_owned(), copy))
+    });
+    copies.collect()
 }
 
 /// Finds the plant and controller programs next to `hil`, if both exist.

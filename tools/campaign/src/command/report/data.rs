@@ -13,7 +13,7 @@ use super::numbers::{Codes, Numbers, Singles};
 use crate::command::answers::{Answers, CLASSES, classes_in_words, margin, place_of};
 use crate::command::quoted;
 
-/// Maximum number of numbers on a page; with four bytes each in base64 the page stays below 20 MB.
+/// Maximum number of values on a page; with four bytes each in base64, the page stays below 20 MB.
 const MOST_NUMBERS: u64 = 3_500_000;
 /// Number of columns before the varied values: case, draw, variant, seed.
 const HEAD: usize = 4;

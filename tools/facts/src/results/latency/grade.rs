@@ -7,7 +7,7 @@ use serde::Serialize;
 
 use super::times::Times;
 
-/// Limit in ns below which a loop is excellent, and a machine's longest delay good.
+/// Limit in ns below which a loop is graded excellent and a machine's longest delay is graded good.
 pub const EXCELLENT_BELOW_NS: u64 = 20_000;
 /// Limit in ns below which a loop is graded good and a machine's longest delay is graded fair.
 pub const GOOD_BELOW_NS: u64 = 50_000;

@@ -22,6 +22,16 @@ use crate::programs::binaries::named::Named;
 use crate::session::live::{self, RequestError, closest, refusal};
 use text::{in_full, in_short};
 
+/// Targets on a link of two networks: both of a direction alike, or one of them.
+const REDUNDANT: [&str; 6] = [
+    "link.sample",
+    "link.sample.a",
+    "link.sample.b",
+    "link.command",
+    "link.command.a",
+    "link.command.b",
+];
+
 /// Faults offered by one plant.
 #[derive(Debug, Serialize)]
 struct Listing {
@@ -128,13 +138,15 @@ pub struct ListedKind {
     pub keys: Vec<(String, String)>,
 }
 
-/// Returns the fault kinds of a plant with these reference signals and driven inputs, its own and the common ones.
+/// Returns the fault kinds of a plant with these reference signals and driven inputs behind a link of so many networks,
+/// its own and the common ones.
 pub fn kinds_of(
     plant: &PlantDescription,
     driven: [&[Field]; 2],
+    networks: u8,
     shared: &[FaultKindDescription],
 ) -> Vec<ListedKind> {
-    let listing = Listing::new(plant, driven, shared);
+    let listing = Listing::new(plant, driven, networks, shared);
     (listing.faults.into_iter())
         .map(|entry| {
             let selector = (entry.selector.into_iter())
@@ -167,7 +179,7 @@ fn listings(arguments: &InjectArguments) -> Result<Vec<Listing>, RequestError> {
 fn of_binary(description: &Description, model: Option<&str>) -> Result<Vec<Listing>, Refusal> {
     let is_meant = |plant: &&PlantDescription| model.is_none_or(|model| plant.name == model);
     let listings: Vec<Listing> = (description.plants.iter().filter(is_meant))
-        .map(|plant| Listing::new(plant, [&[], &[]], &description.faults))
+        .map(|plant| Listing::new(plant, [&[], &[]], 1, &description.faults))
         .collect();
     if let (true, Some(model)) = (listings.is_empty(), model) {
         let names: Vec<&str> = description
@@ -192,22 +204,25 @@ impl Listing {
             ..Self::new(
                 &possible.plant,
                 [&possible.reference, &possible.inputs],
+                possible.networks,
                 &possible.kinds,
             )
         }
     }
 
-    /// Lists the faults of a plant with these reference signals and driven inputs.
+    /// Lists the faults of a plant with these reference signals and driven inputs behind a link of so many networks.
     fn new(
         plant: &PlantDescription,
         driven: [&[Field]; 2],
+        networks: u8,
         kinds: &[FaultKindDescription],
     ) -> Self {
         let own = plant
             .faults
             .iter()
             .map(|fault| Entry::of_plant(fault, plant));
-        let shared = kinds.iter().map(|kind| Entry::shared(kind, plant, driven));
+        let shared = kinds.iter();
+        let shared = shared.map(|kind| Entry::shared(kind, plant, driven, networks));
         Self {
             session: None,
             plant: plant.name.clone(),
@@ -248,6 +263,7 @@ impl Entry {
         kind: &FaultKindDescription,
         plant: &PlantDescription,
         [reference, inputs]: [&[Field]; 2],
+        networks: u8,
     ) -> Self {
         let of = |group: &str, fields: &[Field]| -> Vec<String> {
             fields
@@ -282,6 +298,7 @@ impl Entry {
                         .collect();
                     [signals(), of("parameter", &faultable)].concat()
                 }
+                ActsOn::Links if networks > 1 => names(&REDUNDANT),
                 ActsOn::Links => names(&["link.sample", "link.command"]),
                 ActsOn::Sides => names(&["controller", "plant"]),
                 ActsOn::Controller => names(&["controller"]),
@@ -341,6 +358,21 @@ mod tests {
             .map(|(kind, targets)| (kind, targets.to_owned()))
             .into();
         assert_eq!(targets, expected);
+    }
+
+    #[test]
+    fn a_link_of_two_networks_offers_each_of_them() {
+        let possible = Possible {
+            networks: 2,
+            ..possible()
+        };
+        let listing = Listing::of(&possible, None);
+        let mut kinds = listing.faults.iter();
+        let lost = kinds.find(|entry| entry.kind == "message-loss");
+        let targets = lost.map(|entry| entry.targets.join(" "));
+        let expected =
+            "link.sample link.sample.a link.sample.b link.command link.command.a link.command.b";
+        assert_eq!(targets.as_deref(), Some(expected));
     }
 
     #[test]

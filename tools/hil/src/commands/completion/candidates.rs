@@ -298,12 +298,13 @@ fn signals(line: &Line) -> Vec<CompletionCandidate> {
 }
 
 /// Returns the plants in question (those of the running session or the built-in ones), with the session's reference
-/// signals and driven inputs, and the fault kinds common to all plants.
+/// signals and driven inputs, the number of its networks, and the fault kinds common to all plants.
 fn plants(
     line: &Line,
 ) -> (
     Vec<PlantDescription>,
     [Vec<Field>; 2],
+    u8,
     Vec<FaultKindDescription>,
 ) {
     if let Some(notice) = line.notice()
@@ -312,18 +313,19 @@ fn plants(
         let mut plant = notice.plant;
         plant.plants = plan.plant_among(&plant.plants).into_iter().collect();
         let signals = [plan.reference(), driven(&plan.stimuli)];
-        return (plant.plants, signals, plant.faults);
+        let networks = plan.bus.as_ref().map_or(1, |bus| bus.networks);
+        return (plant.plants, signals, networks, plant.faults);
     }
     let [plant, _] = built_in();
-    (plant.plants, Default::default(), plant.faults)
+    (plant.plants, Default::default(), 1, plant.faults)
 }
 
 /// Lists fault kinds of the running session or of the built-in plants.
 fn kinds(line: &Line) -> Vec<ListedKind> {
-    let (plants, signals, shared) = plants(line);
+    let (plants, signals, networks, shared) = plants(line);
     let [reference, inputs] = &signals;
     let mut kinds: Vec<ListedKind> = (plants.iter())
-        .flat_map(|one| kinds_of(one, [reference, inputs], &shared))
+        .flat_map(|one| kinds_of(one, [reference, inputs], networks, &shared))
         .collect();
     kinds.sort_by(|a, b| a.kind.cmp(&b.kind));
     kinds
@@ -346,7 +348,7 @@ fn targets(line: &Line) -> Vec<CompletionCandidate> {
         .collect();
     names.sort_unstable();
     names.dedup();
-    let (plants, signals, _) = plants(line);
+    let (plants, signals, ..) = plants(line);
     let further = names.iter().flat_map(|target| {
         let about = format!("another name of {target}");
         let aliases = aliases_of(target, &plants, &signals);

@@ -37,6 +37,7 @@ pub(crate) fn possible(plan: &Plan) -> Possible {
         reference: plan.reference(),
         inputs: hil_config::plan::driven(&plan.stimuli),
         kinds: possible_kinds(),
+        networks: 1,
     }
 }
 

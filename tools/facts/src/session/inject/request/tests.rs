@@ -15,6 +15,7 @@ pub(crate) fn possible() -> Possible {
         inputs: Vec::new(),
         plant,
         kinds: rig::kinds(),
+        networks: 1,
     }
 }
 
