@@ -24,6 +24,7 @@ mod parameters;
 mod plant;
 mod plots;
 mod points;
+mod port;
 mod programs;
 mod realtime;
 mod requirements;
@@ -238,6 +239,9 @@ fn parts(
     let plant_plan = plant_section
         .as_ref()
         .and_then(|section| plant::check(reader, section, plant, &inputs.constants));
+    if let Some(plant) = plant {
+        port::check(reader, root, plant);
+    }
 
     let controller_section = reader.section(root, "controller");
     // Plant that selects among laws of the same name.

@@ -284,6 +284,9 @@ impl Expression {
                 Some((prefix, _)) if !columns.has_prefix(prefix) => {
                     format!("unknown kind of signal `{prefix}`")
                 }
+                Some((prefix, _)) if prefix == Group::Truth.prefix() && !columns.has_truth() => {
+                    format!("the plant has no truth, so there is no `{}`", name.path)
+                }
                 Some(_) => format!("unknown signal `{}`", name.path),
                 None => {
                     let unit = shared_types::units::symbol_of_word(&name.path);

@@ -8,6 +8,7 @@ mod dbc;
 mod fields;
 mod frames;
 mod media;
+mod safety;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -28,6 +29,8 @@ use dbc::DbcFiles;
 pub use dbc::dbc_files;
 pub(crate) use dbc::read_text as read_dbc;
 
+pub use safety::{Safe, Safety};
+
 /// Port file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Port {
@@ -45,6 +48,8 @@ pub struct Port {
     pub media: Vec<Medium>,
     /// Frames.
     pub frames: Vec<PortFrame>,
+    /// Sending of the safe frames.
+    pub safety: Safety,
 }
 
 /// Exchange of a port as a controller.
@@ -160,6 +165,8 @@ pub struct PortFrame {
     pub period: Period,
     /// Age in s above which a received value is stale.
     pub stale_s: Option<f64>,
+    /// Safe values of its commands.
+    pub safe: Vec<Safe>,
 }
 
 /// Direction of a frame.
@@ -178,6 +185,15 @@ impl Carries {
         match self {
             Self::Sample => "sample",
             Self::Command => "command",
+        }
+    }
+
+    /// Returns the opposite direction.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Sample => Self::Command,
+            Self::Command => Self::Sample,
         }
     }
 
@@ -361,6 +377,7 @@ fn port(
     };
     let is_repeatable = reader.boolean(root, "repeatable");
     let start = start(reader, root);
+    let safety = safety::read(reader, root);
     let media = media::read(reader, root);
     let frames = frames::read(reader, root, &media, DbcFiles::new(origin, dbc), tables);
     Some(Port {
@@ -372,6 +389,7 @@ fn port(
         start: start?,
         media: media?,
         frames: frames?,
+        safety: safety?,
     })
 }
 

@@ -27,12 +27,17 @@ pub(crate) struct Guards {
 }
 
 impl Guards {
-    /// Creates the guards of a plant. `limits`, if there are any, replace those of its truth.
+    /// Creates the guards of a plant. `limits`, if there are any, replace those of its truth, or of its readings behind a
+    /// port.
     pub(crate) fn new(plant: &PlantDescription, limits: &[Limit]) -> Result<Self, Invalid> {
+        let (of_measured, of_truth) = match plant.port {
+            Some(_) => (limits, &[][..]),
+            None => (&[][..], limits),
+        };
         Ok(Self {
-            measured: Guard::new(&plant.measured, &[])?,
+            measured: Guard::new(&plant.measured, of_measured)?,
             command: Guard::new(&plant.commands, &[])?,
-            truth: Guard::new(&plant.truth, limits)?,
+            truth: Guard::new(&plant.truth, of_truth)?,
         })
     }
 }
@@ -81,8 +86,8 @@ impl Guard {
         let mut fields = signals.to_vec();
         for limit in limits {
             let field = (fields.iter_mut()).find(|field| field.name == limit.signal);
-            let field = field
-                .ok_or_else(|| Invalid(format!("no truth signal `{}` to limit", limit.signal)))?;
+            let field =
+                field.ok_or_else(|| Invalid(format!("no signal `{}` to limit", limit.signal)))?;
             (field.min, field.max) = (limit.min, limit.max);
         }
         let finite = |bound: f64| bound.clamp(f64::MIN, f64::MAX);

@@ -212,6 +212,7 @@ impl PlantKind {
                 commands: P::Command::fields(),
                 faults: P::faults(),
                 saves: P::state().is_some(),
+                port: None,
             },
             start: Box::new(|settings| {
                 let parameters = settings.to_table(SECTION)?;
@@ -277,6 +278,7 @@ impl PlantKind {
     ///     commands: Vec::new(),
     ///     faults: Vec::new(),
     ///     saves: false,
+    ///     port: None,
     /// };
     /// let kind = PlantKind::from_tables(description, |tau_s| {
     ///     let (tau_s, level_m) = (tau_s.to_vec(), vec![1.0; tau_s.len()]);

@@ -142,9 +142,21 @@ pub struct PlantDescription {
     /// `true` if the plant's state can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
+    /// Facts about the port behind which the plant is; `None` for a simulated plant.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub port: Option<PortPlant>,
 }
 
 impl PlantDescription {
+    /// Returns the signals that `[plant.limits]` bounds: truth, or readings where there is no truth.
+    #[must_use]
+    pub fn limited(&self) -> &[Field] {
+        match self.port {
+            Some(_) => &self.measured,
+            None => &self.truth,
+        }
+    }
+
     /// Checks names, units and texts of one plant, and its fault kinds against the shared ones.
     fn check(&self, shared: &[FaultKindDescription]) -> Result<(), String> {
         let name = shown("plant", &self.name)?;
@@ -470,10 +482,12 @@ impl Settings {
 pub struct Invalid(pub String);
 
 mod imported;
+mod port;
 mod rows;
 mod settings;
 
 pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut, LibraryNeeds};
+pub use port::PortPlant;
 pub use settings::ModelSettings;
 
 #[cfg(test)]

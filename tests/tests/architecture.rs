@@ -54,6 +54,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 22] = [
             "hil-session",
             "hil-codec",
             "hil-config",
+            "plant-process",
             "controller-process",
         ],
         &[],
@@ -340,7 +341,7 @@ fn the_contract_needs_no_package_for_the_operating_system() {
 }
 
 #[test]
-fn there_are_five_programs() {
+fn there_are_six_programs() {
     let packages = packages();
     let targets = packages
         .iter()

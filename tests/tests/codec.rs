@@ -268,3 +268,17 @@ fn every_example_on_the_page_of_ports_is_a_sound_port_file() {
     }
     assert!(count >= 9, "{count} examples");
 }
+
+#[test]
+fn the_port_file_on_the_page_of_plants_has_its_safe_values() {
+    let page = shipped("docs/port-rig.md");
+    let block = page
+        .split("```toml\n")
+        .find(|block| block.starts_with("port = 1"));
+    let block = block
+        .and_then(|block| block.split("```").next())
+        .expect("a port file");
+    let port = Port::parse(block, "page.port.toml".as_ref(), None);
+    let port = port.unwrap_or_else(|problems| panic!("{problems}"));
+    assert_eq!(port.safe_row(), Ok(vec![0.0]));
+}

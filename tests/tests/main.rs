@@ -166,6 +166,7 @@ mod recover;
 mod replay;
 mod report;
 mod requirements;
+mod rigs;
 mod runs;
 mod search;
 mod succession;

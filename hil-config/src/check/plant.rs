@@ -76,7 +76,7 @@ pub(super) fn check(
     })
 }
 
-/// Returns every command of the plant: as given, else 0.
+/// Returns every command of the plant: as given, else the safe value of the port in front of the plant, else 0.
 fn safe_command(
     reader: &mut Reader,
     section: Option<&Section<'_>>,
@@ -84,7 +84,9 @@ fn safe_command(
 ) -> Settings {
     let mut commands = Settings::default();
     for field in &plant.commands {
-        commands.set(&field.name, 0.0);
+        // Commands of a port begin with their safe values.
+        let safe = field.default.filter(|_| plant.port.is_some());
+        commands.set(&field.name, safe.unwrap_or(0.0));
     }
     let mut values: BTreeMap<&str, Written> = BTreeMap::new();
     for (key, entry) in leaves(section, &plant.commands) {
@@ -126,11 +128,13 @@ fn leaves<'a>(section: Option<&Section<'a>>, fields: &[Field]) -> Vec<(String, &
 
 fn limits(reader: &mut Reader, section: &Section<'_>, plant: &PlantDescription) -> Vec<Limit> {
     let mut limits = Vec::new();
-    for (key, entry) in leaves(Some(section), &plant.truth) {
+    let limited = plant.limited();
+    let kind = plant.port.as_ref().map_or("true", |_| "measured");
+    for (key, entry) in leaves(Some(section), limited) {
         let path = section.path_of(&key);
-        let Some(signal) = plant.truth.iter().find(|field| field.is_called(&key)) else {
-            let names = plant.truth.iter().map(|field| field.name.as_str());
-            let message = format!("plant `{}` has no true signal `{key}`", plant.name);
+        let Some(signal) = limited.iter().find(|field| field.is_called(&key)) else {
+            let names = limited.iter().map(|field| field.name.as_str());
+            let message = format!("plant `{}` has no {kind} signal `{key}`", plant.name);
             reader
                 .report(ProblemKind::UnknownName, path, &entry.key_place, message)
                 .one_of(&key, names);

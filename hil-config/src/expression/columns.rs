@@ -212,6 +212,11 @@ impl Columns {
         Group::ALL.iter().any(|group| group.prefix() == prefix)
     }
 
+    /// Returns `true` if the plant has a true state.
+    pub(super) fn has_truth(&self) -> bool {
+        (self.names.iter()).any(|name| name.starts_with("truth."))
+    }
+
     /// Returns the names closest to an unknown one: names of its group if it has a group; otherwise names of other
     /// groups, beginning with those that have the same ending.
     pub(crate) fn nearest(&self, path: &str) -> Vec<String> {

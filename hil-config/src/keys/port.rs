@@ -30,6 +30,11 @@ pub(crate) const PORT: &[Key] = keys! {
         "Beginning of the line that the started program prints once it can be used. Default: it can be used at once.";
     media: KeyKind::List(MEDIUM), "Media on which frames travel. A bus that is only simulated needs none.";
     frames!: KeyKind::List(FRAME), "Frames.";
+    safe_repeats: integer_or(1, 1000, 5),
+        "Number of times that each frame of safe values is sent at the end of a run.";
+    safe_period_s: number_or("s", 1e-4, 1.0, 0.02), "Time from one frame of safe values to the next.";
+    watchdog: TEXT,
+        "Watchdog device, as /dev/watchdog, which resets the hardware if this machine stops. It is fed while a run lasts and disarmed at an orderly end.";
 };
 
 /// `[[media]]`.
@@ -131,6 +136,8 @@ pub(crate) const FIELDS: &[SectionKind] = kinds! {
         offset: number_or("", f64::MIN, ANY, 0.0), "Value of the raw number 0.";
         range: KeyKind::Pair, "Range in the unit of the wire. Default: all that the type can express.";
         invalid: integer(0, i64::MAX), "Raw number, as bits without sign, that stands for no value.";
+        safe: number("", f64::MIN, ANY),
+            "Safe value of a command in the unit of the wire, the last that a plant behind the port gets however a run ends. A port in front of a plant needs one for each command.";
     }
     "valid": "A number that is 1 while a signal of the same frame is valid, else 0." {
         ..SIGNAL;

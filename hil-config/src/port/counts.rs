@@ -5,6 +5,8 @@ use shared_types::text;
 
 /// Name of the file in the session's folder with the counts of a port.
 pub const COUNTS_FILE: &str = "port.json";
+/// Name of the file in the session's folder with the counts of a port in front of the plant.
+pub const PLANT_COUNTS_FILE: &str = "plant-port.json";
 
 /// Counts of a port.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

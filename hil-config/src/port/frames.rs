@@ -8,7 +8,7 @@ use shared_types::layout::SignalKind;
 
 use super::dbc::DbcFiles;
 use super::fields::{self, FrameContext, order, without_effect};
-use super::{Carries, Medium, Period, PortFrame, PortTables, is_too_long};
+use super::{Carries, Medium, Period, PortFrame, PortTables, is_too_long, safety};
 use crate::keys::{MOST_FIELDS, MOST_FRAMES};
 use crate::problem::ProblemKind;
 use crate::reader::{Reader, Section};
@@ -135,12 +135,14 @@ fn frame(
     for mistake in frame.mistakes() {
         report(reader, section, &fields, &frame, &mistake);
     }
+    let safe = safety::of_frame(reader, &fields, &frame, carries);
     Some(PortFrame {
         frame,
         carries,
         medium,
         period: period?,
         stale_s: stale_s?,
+        safe: safe?,
     })
 }
 

@@ -85,6 +85,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
             ("actuator2_valve_current_a", "A"),
         ]),
         saves: false,
+        port: None,
         faults: vec![
             FaultDescription {
                 kind: "leakage".into(),
@@ -130,6 +131,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         measured: signals(&[("position_m", "m"), ("velocity_mps", "m/s")]),
         commands: signals(&[("force_n", "N")]),
         saves: false,
+        port: None,
         faults: vec![FaultDescription {
             kind: "softening".into(),
             summary: "The spring softens.".into(),

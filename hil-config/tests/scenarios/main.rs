@@ -27,6 +27,7 @@ mod points;
 mod ports;
 mod programs;
 mod quantities;
+mod rigs;
 mod schema;
 mod shipped;
 mod show;

@@ -271,6 +271,17 @@ impl Packer {
         &self.buffer[..length]
     }
 
+    /// Returns the counter of the next frame; `None` for a frame without a counter.
+    #[must_use]
+    pub fn counter(&self) -> Option<u64> {
+        self.form.counter().map(|_| self.counter)
+    }
+
+    /// Continues a count that another packer began.
+    pub const fn continue_at(&mut self, counter: u64) {
+        self.counter = counter;
+    }
+
     /// Returns the largest number of bytes of the frame.
     #[must_use]
     pub fn longest(&self) -> usize {

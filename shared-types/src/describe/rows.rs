@@ -144,6 +144,7 @@ mod tests {
             commands: vec![signal("u_m")],
             faults: Vec::new(),
             saves: false,
+            port: None,
         }
     }
 

@@ -33,6 +33,7 @@ fn plant(name: &str) -> PlantDescription {
         commands: table(&["u_m"]),
         faults: vec![],
         saves: false,
+        port: None,
     }
 }
 

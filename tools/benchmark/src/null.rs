@@ -84,6 +84,7 @@ pub fn plant(name: &str, signals: usize, commands: usize) -> PlantKind {
             commands: fields("command", commands),
             faults: Vec::new(),
             saves: false,
+            port: None,
         },
         start: Box::new(|_| Ok(Box::new(NullPlant))),
     }

@@ -13,16 +13,10 @@ use shared_types::failure::Failure;
 use shared_types::layout::SignalKind;
 use shared_types::quality::{Quality, SignalSet};
 
-use crate::peer::Peer;
+use crate::far_end::{FarEnd, Opening};
+use crate::peer::{Peer, longest_wait};
 use crate::wire::Wire;
 
-/// Part of the wait limit that a peer may use, so that the port names it before the plant gives up.
-const SHARE: f64 = 0.8;
-/// Part of the wait limit in which a started peer must be ready. Its first answer has what is left of [`SHARE`].
-const READY_SHARE: f64 = 0.6;
-
-/// Longest wait, in s, where there is no limit.
-const LONGEST_S: f64 = 1e6;
 /// Time between two attempts to reach a peer that is not there yet.
 const AGAIN: Duration = Duration::from_millis(20);
 /// Time after which the first sample is sent once more if nothing has answered, because a peer that starts later than
@@ -87,7 +81,7 @@ pub fn description(port: &Port) -> LawDescription {
 
 /// Law at the far end of a port.
 struct PortLaw {
-    open: Option<Open>,
+    open: Option<FarEnd>,
     /// Values that go out: measured, then reference.
     values: Vec<f64>,
     invalid: SignalSet,
@@ -103,11 +97,6 @@ struct PortLaw {
     supervision: Supervision,
 }
 
-struct Open {
-    wire: Wire,
-    peer: Option<Peer>,
-}
-
 impl PortLaw {
     fn start(
         port: &Port,
@@ -115,31 +104,17 @@ impl PortLaw {
         period_s: f64,
         ledger: &Ledger,
     ) -> Result<Self, Invalid> {
-        let limit = |share: f64| {
-            let limit_s = share * run.map_or(1.0, |run| run.wait_limit_s);
-            match limit_s < LONGEST_S {
-                true => Duration::from_secs_f64(limit_s),
-                false => Duration::from_secs_f64(LONGEST_S),
-            }
-        };
+        let wait_limit_s = run.map_or(1.0, |run| run.wait_limit_s);
         let begin = Instant::now();
         let open = match run {
             Some(run) => {
-                let wire =
-                    || Wire::open(port, Carries::Sample, period_s, &run.folder).map_err(Invalid);
-                let peer = || {
-                    let limit = limit(READY_SHARE);
-                    Peer::start(&port.start, &run.folder, limit, &run.supervision).map_err(Invalid)
+                let (folder, supervision) = (&*run.folder, &run.supervision);
+                let opening = Opening {
+                    folder,
+                    wait_limit_s,
+                    supervision,
                 };
-                // A peer that says when it is ready may use the addresses of the port until then.
-                let (wire, peer) = match port.start.ready {
-                    Some(_) => {
-                        let peer = peer()?;
-                        (wire()?, peer)
-                    }
-                    None => (wire()?, peer()?),
-                };
-                Some(Open { wire, peer })
+                Some(FarEnd::open(port, Carries::Sample, period_s, &opening).map_err(Invalid)?)
             }
             None => None,
         };
@@ -149,7 +124,7 @@ impl PortLaw {
             invalid: SignalSet::default(),
             step: 0,
             exchange: port.exchange,
-            limit: limit(SHARE),
+            limit: longest_wait(wait_limit_s),
             readiness: match port.start.ready {
                 Some(_) => begin.elapsed(),
                 None => Duration::ZERO,
@@ -162,7 +137,7 @@ impl PortLaw {
 
     /// Sends the sample and receives the command.
     fn exchange(&mut self) -> Result<(), Failure> {
-        let Some(Open { wire, peer }) = &mut self.open else {
+        let Some(FarEnd { wire, peer }) = &mut self.open else {
             return Err(Failure::lost("the port is not open"));
         };
         let in_words = |error: &dyn std::fmt::Display| Failure::lost(error.to_string());
@@ -288,7 +263,7 @@ impl Law for PortLaw {
             self.invalid.insert(first + index);
         }
         self.exchange()?;
-        let Some(Open { wire, .. }) = &self.open else {
+        let Some(FarEnd { wire, .. }) = &self.open else {
             return Ok(());
         };
         let row = wire.row();

@@ -1,16 +1,18 @@
-//! `hil-port controller FILE.port.toml`: the far end of a port as a controller program.
+//! `hil-port controller|plant FILE.port.toml`: the far end of a port as the program of a side, and the keeper of a plant.
 //!
-//! Started by `hil`, which passes the port file and otherwise treats it like any controller program.
+//! Started by `hil`, which passes the port file and otherwise treats it like any program of a side; `plant` starts
+//! `hil-port keeper FILE.port.toml`.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::{Arc, OnceLock, PoisonError};
 
 use controller_process::job::{JOB_FILE, Job};
-use hil_config::port::Port;
 use hil_config::port::counts::COUNTS_FILE;
+use hil_config::port::{Carries, Port};
 use hil_port::law::{self, Ledger, Run};
-use hil_port::wire;
+use hil_port::rig::program::RigProgram;
+use hil_port::{keeper, wire};
 use hil_session::program::{self, CHECKED, Program, UNUSABLE};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
@@ -19,7 +21,7 @@ use shared_types::side::Side;
 
 const NAME: &str = "hil-port";
 const VERSION: &str = env!("CARGO_PKG_VERSION");
-const USAGE: &str = "usage: hil-port controller FILE.port.toml --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names a port file";
+const USAGE: &str = "usage: hil-port controller|plant FILE.port.toml --describe | --check JOB.json | --session FOLDER; hil starts it for a scenario that names a port file";
 
 fn main() -> ExitCode {
     let code = program::with_stack(|| {
@@ -37,26 +39,36 @@ fn run() -> Result<u8, String> {
     let (Some(side), Some(path)) = (arguments.next(), arguments.next()) else {
         return Err(USAGE.into());
     };
-    if side != "controller" {
-        return Err(USAGE.into());
-    }
     let path = PathBuf::from(path);
-    let port = Port::read(&path, None).map_err(|problems| problems.to_string())?;
-    let port = Arc::new(port);
+    let arguments = std::iter::once(own).chain(arguments);
+    match side.to_str() {
+        Some(keeper::KEEPER) => keeper::main(&path).map(|()| program::COMPLETED),
+        Some("plant") => {
+            let rig = RigProgram::new(&path, read(&path)?, NAME, VERSION)?;
+            Ok(program::answer(&rig, arguments))
+        }
+        Some("controller") => Ok(program::answer(&controller(&path)?, arguments)),
+        _ => Err(USAGE.into()),
+    }
+}
+
+fn read(path: &Path) -> Result<Arc<Port>, String> {
+    let port = Port::read(path, None).map_err(|problems| problems.to_string())?;
+    Ok(Arc::new(port))
+}
+
+fn controller(path: &Path) -> Result<PortProgram<impl Program + use<>>, String> {
+    let port = read(path)?;
     let (run, ledger) = (Arc::new(OnceLock::new()), Ledger::default());
-    let kind = law::law(&port, &run, &ledger).map_err(|error| in_file(&path, &error))?;
+    let kind = law::law(&port, &run, &ledger).map_err(|error| in_file(path, &error))?;
     let inner = controller_process::program::of(NAME, VERSION, vec![kind]);
-    let program = PortProgram {
+    Ok(PortProgram {
         inner,
         port,
         folder: path.parent().unwrap_or(Path::new("")).to_owned(),
         run,
         ledger,
-    };
-    Ok(program::answer(
-        &program,
-        std::iter::once(own).chain(arguments),
-    ))
+    })
 }
 
 fn in_file(path: &Path, error: &dyn std::fmt::Display) -> String {
@@ -85,7 +97,7 @@ impl<P: Program> Program for PortProgram<P> {
     fn check(&self, job: &Path) -> Result<(), String> {
         let job_content = program::read_job::<Job>(job)?;
         let period_s = job_content.rate.period_s() * f64::from(job_content.rate_divisor);
-        wire::check(&self.port, period_s)?;
+        wire::check(&self.port, Carries::Sample, period_s)?;
         self.inner.check(job)?;
         // A host says so, because a model could end its process.
         println!("{CHECKED}");

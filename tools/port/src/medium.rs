@@ -1,5 +1,6 @@
 //! Media: bytes of frames, sent and received without blocking.
 
+mod adoption;
 mod can;
 mod cut;
 mod datagram;
@@ -11,12 +12,15 @@ mod stream;
 use std::io;
 use std::net::SocketAddr;
 use std::os::fd::BorrowedFd;
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 
 use hil_codec::frame::CanId;
 use hil_config::port::{self, MediumKind};
 
+pub use adoption::{adopt, connecting, path_of};
 pub use cut::Cut;
+pub use socket_path::remove_if_left;
 use stream::Stream;
 
 /// Longest frame that any medium carries, in bytes. A longer one is received as one byte more and refused.
@@ -50,6 +54,40 @@ pub struct Tally {
     pub unreadable: u64,
 }
 
+/// End of a medium on which frames are sent now.
+#[derive(Clone, Copy, Debug)]
+pub struct Outlet<'a> {
+    /// Descriptor.
+    pub fd: BorrowedFd<'a>,
+    /// Receiver of the frames.
+    pub to: To<'a>,
+    /// Number of the connection: a later one may have the same descriptor.
+    pub connection: u64,
+}
+
+/// Receiver of frames.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum To<'a> {
+    /// The other end of the descriptor.
+    Connected,
+    /// Address on a network.
+    Address(SocketAddr),
+    /// Path of a socket.
+    Path(&'a Path),
+}
+
+impl To<'_> {
+    /// Returns the receiver as bytes, empty for a connected descriptor.
+    #[must_use]
+    pub fn bytes(&self) -> Vec<u8> {
+        match self {
+            Self::Connected => Vec::new(),
+            Self::Address(address) => address.to_string().into_bytes(),
+            Self::Path(path) => path.as_os_str().as_bytes().to_vec(),
+        }
+    }
+}
+
 /// Opened medium.
 pub trait Medium: Send {
     /// Sends the bytes of a frame; returns `false` if nobody is there to read them. A stream that takes only a part
@@ -78,6 +116,11 @@ pub trait Medium: Send {
 
     /// Returns the descriptor that becomes readable when a frame arrives; `None` for a medium that must be read.
     fn readable(&self) -> Option<BorrowedFd<'_>>;
+
+    /// Returns the end on which frames are sent now; `None` if nobody is there to read them.
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        None
+    }
 
     /// Returns the descriptor that becomes writable when a frame or a connection can be continued; `None` if none is to be.
     fn writable(&self) -> Option<BorrowedFd<'_>> {

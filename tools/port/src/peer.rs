@@ -19,6 +19,32 @@ const LONGEST_LINE: u64 = 500;
 /// Most lines that are printed.
 const MOST_LINES: u64 = 10_000;
 
+/// Part of the wait limit that the far end may use, so that the port names it before the other side gives up.
+const SHARE: f64 = 0.8;
+/// Part of the wait limit in which a started program must be ready. Its first answer has what is left of [`SHARE`].
+const READY_SHARE: f64 = 0.6;
+/// Longest wait, in s, where there is no limit.
+const LONGEST_S: f64 = 1e6;
+
+/// Returns the longest wait for the far end in a run with a wait limit.
+#[must_use]
+pub fn longest_wait(wait_limit_s: f64) -> Duration {
+    part(SHARE, wait_limit_s)
+}
+
+/// Returns the longest wait for a started program to be ready in a run with a wait limit.
+pub(crate) fn longest_start(wait_limit_s: f64) -> Duration {
+    part(READY_SHARE, wait_limit_s)
+}
+
+fn part(share: f64, wait_limit_s: f64) -> Duration {
+    let limit_s = share * wait_limit_s;
+    Duration::from_secs_f64(match limit_s < LONGEST_S {
+        true => limit_s,
+        false => LONGEST_S,
+    })
+}
+
 /// Started program. Its end is that of its process group; `hil` also finds descendants that leave the group.
 #[derive(Debug)]
 pub struct Peer {

@@ -2,6 +2,7 @@
 
 mod check;
 mod refusals;
+mod turn;
 
 use std::io;
 use std::mem::{discriminant, take};
@@ -87,10 +88,7 @@ impl Wire {
     /// # Errors
     /// If a medium cannot be opened, or frames cannot be told apart on it.
     pub fn open(port: &Port, sends: Carries, period_s: f64, folder: &Path) -> Result<Self, String> {
-        let receives = match sends {
-            Carries::Sample => Carries::Command,
-            Carries::Command => Carries::Sample,
-        };
+        let receives = sends.other();
         let (out_table, in_table) = (port.table(sends), port.table(receives));
         let mut row = Row::new(in_table.len());
         let mut outgoing = Vec::new();
@@ -171,26 +169,12 @@ impl Wire {
         values: &[f64],
         invalid: &SignalSet,
     ) -> Result<(), WireError> {
-        self.row.advance();
-        self.has_arrived.fill(false);
+        self.begin();
         self.receive()?;
         for (unasked, has_arrived) in self.unasked.iter_mut().zip(&mut self.has_arrived) {
             *unasked += u64::from(take(has_arrived) && self.port.exchange == Exchange::Answers);
         }
-        for incoming in &mut self.media {
-            incoming.medium.forget_lost();
-        }
-        for one in &mut self.outgoing {
-            if !step.is_multiple_of(one.divider) {
-                continue;
-            }
-            one.bytes.clear();
-            (one.bytes).extend_from_slice(one.packer.pack(values, invalid));
-            let result = self.media[one.medium].medium.send(one.id, &one.bytes);
-            one.is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
-            one.sent += u64::from(one.is_sent);
-        }
-        Ok(())
+        self.transmit(step, values, invalid)
     }
 
     /// Sends those frames of a step again that reached nobody: a peer may start later than the port, or start again.

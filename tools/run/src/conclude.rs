@@ -1,6 +1,6 @@
 //! Conclusion of a run: its outcome, checkpoints, summary and exit code.
 
-use hil_config::port::counts::COUNTS_FILE;
+use hil_config::port::counts::{COUNTS_FILE, PLANT_COUNTS_FILE};
 use hil_console::files::part_file;
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::advice;
@@ -56,7 +56,8 @@ pub(super) fn conclude(
         Some(_) => Ok(Vec::new()),
     };
     let switches = switches(&prepared.session);
-    let port = prepared.session.read_file(COUNTS_FILE).ok();
+    let [plant_port, port] =
+        [PLANT_COUNTS_FILE, COUNTS_FILE].map(|file| prepared.session.read_file(file).ok());
     drop(session);
     let (checkpoints, collected) = match collected {
         Ok(made) => (made, Ok(())),
@@ -71,7 +72,7 @@ pub(super) fn conclude(
         &prepared.plan,
         &prepared.binaries,
         &prepared.session,
-        (prepared.settings).evidence(&prepared.plan, &prepared.binaries.controller),
+        (prepared.settings).evidence(&prepared.plan, &prepared.binaries),
         recorded_to,
         realtime,
         &ended,
@@ -81,7 +82,7 @@ pub(super) fn conclude(
     summary.started_utc = Some(prepared.started_utc.clone());
     summary.set = prepared.settings.set.clone();
     summary.company = company;
-    summary.port = port;
+    (summary.plant_port, summary.port) = (plant_port, port);
     (summary.resumed, summary.checkpoints) = (prepared.resumed.clone(), checkpoints);
     if let Some(target) = &mut summary.target {
         target.safe_switches = switches.or(Some(0));

@@ -119,7 +119,7 @@ pub(super) fn prepare(
         session: info.name.clone(),
         started_utc: started_utc.clone(),
         set: settings.set.clone(),
-        evidence: (settings.evidence(&plan, &binaries.controller)).into(),
+        evidence: (settings.evidence(&plan, &binaries)).into(),
         clock: plan.run.clock.name().into(),
         rate_hz: plan.run.rate.hz(),
         seed: plan.run.seed,

@@ -30,7 +30,7 @@ pub(super) fn of(
     fact("scenario", plan.name.clone());
     fact("session", session.name.clone());
     fact("session_id", format!("{:016x}", session.id));
-    let evidence = settings.evidence(plan, &binaries.controller);
+    let evidence = settings.evidence(plan, binaries);
     fact("evidence", evidence.into());
     let by_hand: Vec<&str> = settings.by_hand.roles().map(Side::name).collect();
     if !by_hand.is_empty() {

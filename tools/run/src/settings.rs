@@ -199,13 +199,23 @@ impl Settings {
     }
 
     /// Returns the level of evidence that a run provides, as named in its recording and its summary.
-    pub(crate) fn evidence(&self, plan: &Plan, controller: &Binary) -> &'static str {
-        match (self.link, &controller.at) {
+    pub(crate) fn evidence(&self, plan: &Plan, binaries: &Binaries) -> &'static str {
+        let Binaries { plant, controller } = binaries;
+        let plant = plan.whole_plant_among(&plant.description.plants);
+        let port = plant.and_then(|plant| plant.port.as_ref());
+        let is_hardware = port.is_some_and(|port| port.simulated.is_empty());
+        let level = match (self.link, &controller.at) {
             (LinkKind::InProcess, _) => "in-process",
             (LinkKind::Iceoryx2, None) => "sil",
             (LinkKind::Iceoryx2, Some(at)) => {
                 at.evidence(&controller.path, plan.run.clock == Clock::Realtime)
             }
+        };
+        match level {
+            // Emulated code is no evidence about a target, whatever the plant.
+            "sil-emulated" => level,
+            _ if is_hardware => "hil",
+            _ => level,
         }
     }
 }

@@ -160,6 +160,11 @@ impl RecordedScenario {
         })
     }
 
+    /// Returns `true` if the plant was behind a port, which does not repeat.
+    pub(crate) fn is_behind_port(&self) -> bool {
+        self.recorded.plant.port.is_some()
+    }
+
     /// Returns `true` if the controller could be late.
     pub(crate) fn is_against_clock(&self) -> bool {
         self.recorded.plan.run.clock == Clock::Realtime

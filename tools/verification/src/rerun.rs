@@ -31,6 +31,11 @@ pub fn rerun(arguments: &RerunArguments) -> Result<Exit, Failure> {
     let options = &arguments.options;
     let recorded = RecordedScenario::read(&arguments.run)?.for_any_machine();
     let run_text = arguments.run.display();
+    if recorded.is_behind_port() {
+        return Err(Failure::usage(format!(
+            "the plant of {run_text} is behind a port and does not repeat; use `hil replay` for its controller, or `hil scenario from` and `hil run` for another run"
+        )));
+    }
     if recorded.lost > 0 {
         let lost = recorded.lost;
         return Err(Failure::usage(format!(

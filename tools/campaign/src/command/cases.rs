@@ -321,6 +321,14 @@ impl Cases {
     /// See [`check`](Self::check).
     pub(super) fn checked(&self, flags: Vec<String>) -> Result<Plan, Failure> {
         let plan = self.planned(flags)?;
+        if let Rig::External(own) = &self.rig
+            && (plan.whole_plant_among(own.first.described().0))
+                .is_some_and(|plant| plant.port.is_some())
+        {
+            return Err(Failure::usage(
+                "the plant is behind a port: there is one of it, and it does not repeat; use `hil run`",
+            ));
+        }
         alone::refuse_clock(&plan)?;
         if let Rig::BuiltIn(described) = &self.rig {
             alone::check(&plan, described)?;

@@ -11,6 +11,7 @@ use hil_config::plan::{Clock, Plan};
 use hil_session::session::SessionInfo;
 use serde::Serialize;
 use shared_types::connection::Connection;
+use shared_types::describe::PlantDescription;
 use shared_types::ignored::Ignored;
 use shared_types::origin::Build;
 use shared_types::pacer::Streaks;
@@ -71,6 +72,9 @@ pub struct Summary {
     /// Counts of the port at the far end of which the controller is; absent without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub port: Option<Counts>,
+    /// Counts of the port at the far end of which the plant is; absent without one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub plant_port: Option<Counts>,
     rate_hz: f64,
     /// Number of recorded steps.
     pub steps: u64,
@@ -205,6 +209,12 @@ struct Program {
     host_blake3: Option<String>,
     /// Source from which the binary was built; null if its build recorded none.
     build: Option<Build>,
+    /// `port` for a plant behind a port; absent for any other program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    kind: Option<&'static str>,
+    /// Media of the port that carry something simulated on this machine; absent if there are none.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    simulated: Vec<String>,
 }
 
 /// Change of values and its time.
@@ -251,6 +261,20 @@ impl Program {
             blake3: binary.blake3.clone(),
             host_blake3: binary.host.as_ref().map(|host| host.blake3.clone()),
             build: binary.description.build.clone(),
+            kind: None,
+            simulated: Vec::new(),
+        }
+    }
+
+    /// Adds the facts about the plant, which may be behind a port.
+    fn with_plant(self, plant: Option<&PlantDescription>) -> Self {
+        match plant.and_then(|plant| plant.port.as_ref()) {
+            Some(port) => Self {
+                kind: Some("port"),
+                simulated: port.simulated.clone(),
+                ..self
+            },
+            None => self,
         }
     }
 }
@@ -271,7 +295,8 @@ impl Summary {
             session: session.name.clone(),
             evidence,
             target: Target::of(&binaries.controller),
-            plant: Program::of(&binaries.plant),
+            plant: Program::of(&binaries.plant)
+                .with_plant(plan.whole_plant_among(&binaries.plant.description.plants)),
             controller: Program::of(&binaries.controller),
         };
         Self::of(plan, origin, recorded_to, realtime, ended)
@@ -324,6 +349,7 @@ impl Summary {
             held_commands: recorded.held_commands.clone(),
             bus: end.map(|end| end.bus.clone()).unwrap_or_default(),
             port: None,
+            plant_port: None,
             rate_hz: plan.run.rate.hz(),
             steps,
             sim_time_s,

@@ -120,6 +120,7 @@ pub(crate) fn plant() -> PlantDescription {
         measured: vec![angle],
         commands: vec![Field::signal("valve1_current_a", "A", "The current.")],
         saves: false,
+        port: None,
         faults: vec![
             own(
                 "leakage",

@@ -66,6 +66,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
             commands: starts(signals(&plant.commands, "commands")?, plant.start_commands),
             faults: Vec::new(),
             saves: saving.is_some(),
+            port: None,
         }
     };
     let start = required(plant.start, "start")?;

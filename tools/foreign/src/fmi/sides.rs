@@ -49,6 +49,7 @@ pub fn plant_description(model: &Model) -> PlantDescription {
         commands: fields(&tables.inputs),
         faults: Vec::new(),
         saves: description.saves,
+        port: None,
     }
 }
 

@@ -12,7 +12,7 @@ use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr};
 use nix::sys::socket::{MsgFlags, recv, setsockopt};
 
 use super::socket_path::{SocketPath, is_same};
-use super::{Arrival, LONGEST, Medium, Tally};
+use super::{Arrival, LONGEST, Medium, Outlet, Tally, To};
 
 /// Silence of the peer after which another sender may take its place.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -67,6 +67,19 @@ impl Udp {
             lost: Vec::new(),
             counts: Tally::default(),
         })
+    }
+
+    /// Makes a medium that sends on an open socket.
+    pub(super) fn adopt(socket: UdpSocket, to: SocketAddr) -> Self {
+        Self {
+            socket,
+            to: Some(to),
+            follows: false,
+            is_owned: false,
+            peer: None,
+            lost: Vec::new(),
+            counts: Tally::default(),
+        }
     }
 
     /// Empties the queue of errors, which shares the receive buffer and would keep the socket awake, and keeps the
@@ -183,6 +196,14 @@ impl Medium for Udp {
         Some(self.socket.as_fd())
     }
 
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.socket.as_fd(),
+            to: To::Address(self.to?),
+            connection: 0,
+        })
+    }
+
     fn counts(&self) -> Tally {
         self.counts
     }
@@ -213,6 +234,16 @@ impl Unix {
             to: (!listens).then(|| path.to_owned()),
             counts: Tally::default(),
         })
+    }
+
+    /// Makes a medium that sends on an open socket.
+    pub(super) fn adopt(socket: UnixDatagram, to: PathBuf) -> Self {
+        Self {
+            own: SocketPath::of_another(),
+            socket,
+            to: Some(to),
+            counts: Tally::default(),
+        }
     }
 }
 
@@ -247,6 +278,14 @@ impl Medium for Unix {
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
         Some(self.socket.as_fd())
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.socket.as_fd(),
+            to: To::Path(self.to.as_deref()?),
+            connection: 0,
+        })
     }
 
     fn counts(&self) -> Tally {

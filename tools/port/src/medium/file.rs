@@ -2,14 +2,14 @@
 
 use std::fs::{File as Opened, OpenOptions};
 use std::io::{self, ErrorKind};
-use std::os::fd::BorrowedFd;
+use std::os::fd::{AsFd, BorrowedFd};
 use std::os::unix::fs::{FileExt, FileTypeExt};
 use std::path::Path;
 
 use hil_codec::frame::CanId;
 use rustix::io::Errno;
 
-use super::{Arrival, Medium, Tally};
+use super::{Arrival, Medium, Outlet, Tally, To};
 
 /// File that is read and written from its beginning.
 ///
@@ -48,6 +48,17 @@ impl File {
                 is_text,
                 counts: Tally::default(),
             }),
+        }
+    }
+
+    /// Makes a medium that writes to an open file.
+    pub(super) fn adopt(writer: Opened) -> Self {
+        Self {
+            reader: None,
+            writer: Some(writer),
+            is_read: false,
+            is_text: false,
+            counts: Tally::default(),
         }
     }
 }
@@ -91,6 +102,14 @@ impl Medium for File {
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
         None
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.writer.as_ref()?.as_fd(),
+            to: To::Connected,
+            connection: 0,
+        })
     }
 
     fn counts(&self) -> Tally {

@@ -41,6 +41,14 @@ impl SocketPath {
         Ok((own, socket))
     }
 
+    /// Returns the path of a socket that another process made and removes.
+    pub(super) fn of_another() -> Self {
+        Self {
+            path: PathBuf::new(),
+            identity: None,
+        }
+    }
+
     /// Returns the path that another socket's name leads to: a relative name is in the folder of this one.
     pub(super) fn resolve(&self, name: &Path) -> PathBuf {
         self.path.parent().unwrap_or(Path::new("")).join(name)
@@ -64,7 +72,7 @@ pub(super) fn is_same(one: &Path, other: &Path) -> bool {
 }
 
 /// Removes the path of a socket that nobody has open, as a killed port leaves it.
-fn remove_if_left(path: &Path) {
+pub fn remove_if_left(path: &Path) {
     let is_socket =
         std::fs::symlink_metadata(path).is_ok_and(|of_path| of_path.file_type().is_socket());
     // A socket of either type refuses if nobody has it open; else it accepts, or is of the other type.

@@ -20,7 +20,7 @@ use rustix::net::{
 use super::cut::Cut;
 use super::datagram::nothing;
 use super::socket_path::SocketPath;
-use super::{Arrival, LONGEST, Medium, Tally};
+use super::{Arrival, LONGEST, Medium, Outlet, Tally, To};
 
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
@@ -117,6 +117,16 @@ impl Stream {
 
     pub(super) fn serial(line: File, cut: Cut) -> Self {
         Self::new(Source::Line, Some(End::Line(line)), cut)
+    }
+
+    /// Makes a medium that writes to a connected socket.
+    pub(super) fn tcp_end(end: TcpStream) -> Self {
+        Self::new(Source::Line, Some(End::Tcp(end)), Cut::Lengths(Vec::new()))
+    }
+
+    /// Makes a medium that writes to a connected socket of this machine.
+    pub(super) fn unix_end(end: UnixStream) -> Self {
+        Self::new(Source::Line, Some(End::Unix(end)), Cut::Lengths(Vec::new()))
     }
 
     /// Returns a connection if there is one now, and never waits for it.
@@ -384,6 +394,19 @@ impl Medium for Stream {
             (None, Source::UnixAt { listener, .. }) => Some(listener.as_fd()),
             (None, _) => None,
         }
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        let fd = match self.end.as_ref()? {
+            End::Tcp(stream) => stream.as_fd(),
+            End::Unix(stream) => stream.as_fd(),
+            End::Line(line) => line.as_fd(),
+        };
+        Some(Outlet {
+            fd,
+            to: To::Connected,
+            connection: self.counts.new_peers,
+        })
     }
 
     fn writable(&self) -> Option<BorrowedFd<'_>> {

@@ -39,11 +39,11 @@ pub(super) fn cut<'a>(
     })
 }
 
-/// Checks a port as a side of a run, without opening anything.
+/// Checks a port as a side of a run that sends one direction, without opening anything.
 ///
 /// # Errors
 /// If the period of a frame is no whole number of steps, or a frame has no medium.
-pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
+pub fn check(port: &Port, sends: Carries, period_s: f64) -> Result<(), String> {
     for frame in &port.frames {
         steps(frame, period_s)?;
         if frame.medium.is_none() {
@@ -55,11 +55,12 @@ pub fn check(port: &Port, period_s: f64) -> Result<(), String> {
     }
     let of = |carries| port.frames.iter().filter(move |one| one.carries == carries);
     for (index, medium) in port.media.iter().enumerate() {
-        let received = of(Carries::Command).filter(|one| one.medium == Some(index));
+        let received = of(sends.other()).filter(|one| one.medium == Some(index));
         cut(&medium.kind, received.map(|one| &one.frame))
             .map_err(|error| format!("medium `{}`: {error}", medium.name))?;
     }
-    if port.exchange == Exchange::Free {
+    // A plant behind a port waits for nobody.
+    if port.exchange == Exchange::Free || sends == Carries::Command {
         return Ok(());
     }
     for command in of(Carries::Command) {

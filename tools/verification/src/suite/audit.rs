@@ -129,6 +129,8 @@ fn refuse(case: &Case) -> Result<(), Failure> {
         "--audit runs unattended; omit --pause-at"
     } else if !settings.checkpoints_at_s.is_empty() {
         "--audit keeps no checkpoints; omit --checkpoint-at"
+    } else if case.is_behind_port() {
+        "--audit repeats a run, and a plant behind a port does not repeat; compare runs with `hil compare --tolerance`"
     } else if case.plan.run.clock == Clock::Realtime {
         "a real-time run depends on late commands; audit it with --clock lockstep"
     } else if !case.environment.binaries.controller.is_repeatable() {

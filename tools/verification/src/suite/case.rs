@@ -124,6 +124,12 @@ impl Case {
         }
     }
 
+    /// Returns `true` if the plant is behind a port.
+    pub(super) fn is_behind_port(&self) -> bool {
+        let plants = &self.environment.binaries.plant.description.plants;
+        (self.plan.whole_plant_among(plants)).is_some_and(|plant| plant.port.is_some())
+    }
+
     /// Returns `true` if all runs of the case must have the same digest, which does not hold in real time.
     pub(super) fn repeats(&self) -> bool {
         self.plan.run.clock != Clock::Realtime

@@ -18,7 +18,7 @@ use hil_session::private_folder;
 use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
 
-use super::named::{Choice, PLANT};
+use super::named::Choice;
 use super::{FileIdentity, asked, beside, hashed};
 
 /// Program next to `hil` that runs FMUs.
@@ -109,9 +109,6 @@ impl Host {
             format!("{words} needs {own}, which cannot be run: {error}")
         };
         let (file, blake3) = hashed(&own).map_err(in_words)?;
-        if kind == ModelKind::Port && side == PLANT.side {
-            return Err("a port file can only be a controller in this version".into());
-        }
         Ok(Some(Self {
             kind,
             path: own,

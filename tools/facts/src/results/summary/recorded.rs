@@ -34,12 +34,14 @@ impl Summary {
                 .fact(&format!("{side}_host_blake3"))
                 .map(str::to_owned),
             build: described.build.clone(),
+            kind: None,
+            simulated: Vec::new(),
         };
         let origin = Origin {
             session: fact("session").to_owned(),
             evidence: evidence.unwrap_or_default(),
             target: Target::recorded(|name| reader.fact(name)),
-            plant: program(&run.plant_program, "plant"),
+            plant: program(&run.plant_program, "plant").with_plant(Some(&run.plant)),
             controller: program(&run.controller_program, "controller"),
         };
         let report = |name| -> Option<Report> { serde_json::from_str(reader.fact(name)?).ok() };

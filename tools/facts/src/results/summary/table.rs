@@ -78,6 +78,13 @@ impl Summary {
         if let Some(target) = &self.target {
             writeln!(text, "  {target} ({})", self.evidence)?;
         }
+        if self.plant.kind.is_some() {
+            let simulated = match self.plant.simulated.as_slice() {
+                [] => String::new(),
+                names => format!("; simulated here: {}", names.join(", ")),
+            };
+            writeln!(text, "  plant behind a port ({}){simulated}", self.evidence)?;
+        }
         if !self.started_by_hand.is_empty() {
             let sides = self.started_by_hand.join(" and ");
             writeln!(text, "  {sides} started by hand ({})", self.evidence)?;
@@ -91,7 +98,7 @@ impl Summary {
         for counts in &self.bus {
             writeln!(text, "  {}", counts.describe())?;
         }
-        if let Some(port) = &self.port {
+        for port in [&self.plant_port, &self.port].into_iter().flatten() {
             if !port.repeatable {
                 writeln!(
                     text,

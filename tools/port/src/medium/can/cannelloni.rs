@@ -7,7 +7,7 @@ use std::os::fd::BorrowedFd;
 use hil_codec::frame::CanId;
 
 use super::super::datagram::Udp;
-use super::super::{Arrival, Medium, Tally};
+use super::super::{Arrival, Medium, Outlet, Tally};
 use super::{CLASSIC, REMOTE, data_id, raw_id};
 
 /// Format version of cannelloni datagrams.
@@ -107,6 +107,10 @@ impl Medium for Cannelloni {
             true => self.udp.readable(),
             false => None,
         }
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        self.udp.outlet()
     }
 
     fn counts(&self) -> Tally {

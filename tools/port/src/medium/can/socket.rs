@@ -2,7 +2,7 @@
 
 use std::io::{self, ErrorKind, Read, Write};
 use std::num::NonZero;
-use std::os::fd::{AsFd, BorrowedFd};
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 
 use hil_codec::frame::CanId;
 use rustix::io::Errno;
@@ -10,7 +10,7 @@ use rustix::net::{AddressFamily, Protocol, SocketType, socket};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
 use super::super::datagram::nothing;
-use super::super::{Arrival, Medium, Tally};
+use super::super::{Arrival, Medium, Outlet, Tally, To};
 use super::{CLASSIC, data_id, raw_id};
 
 /// Protocol of raw frames in the family of CAN.
@@ -61,6 +61,14 @@ impl Interface {
             socket,
             counts: Tally::default(),
         })
+    }
+
+    /// Makes a medium that sends on an open interface.
+    pub(in crate::medium) fn adopt(socket: OwnedFd) -> Self {
+        Self {
+            socket: socket.into(),
+            counts: Tally::default(),
+        }
     }
 }
 
@@ -127,6 +135,14 @@ impl Medium for Interface {
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
         Some(self.socket.as_fd())
+    }
+
+    fn outlet(&self) -> Option<Outlet<'_>> {
+        Some(Outlet {
+            fd: self.socket.as_fd(),
+            to: To::Connected,
+            connection: 0,
+        })
     }
 
     fn counts(&self) -> Tally {
