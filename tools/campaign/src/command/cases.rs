@@ -1,6 +1,7 @@
 //! The cases of a study: the plan of each case, and the row that results from running it.
 
 mod own;
+mod rows;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +10,6 @@ use std::time::Instant;
 
 use crate::draws::Draws;
 use crate::folder::Folder;
-use crate::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
 use hil_config::plan::{Plan, Programs, Realtime};
 use hil_config::problem::Problems;
 use hil_config::scenario::Scenario;
@@ -29,7 +29,6 @@ use shared_types::lockstep::OnLoss;
 use shared_types::record::RecordLayout;
 
 use super::result::CaseResult;
-use super::values;
 use own::{ExternalPrograms, choices, keys_of_fmus};
 
 /// Cases that can be planned and run.
@@ -425,54 +424,6 @@ impl Cases {
                 CaseResult::in_processes(plan, &binaries, with, interruption, began)
             }
         }
-    }
-
-    /// Lists the columns of the table of results, given the result of a case.
-    pub(super) fn columns(&self, result: &CaseResult) -> Vec<Column> {
-        let mut columns = vec![
-            Column::new("case", ColumnKind::Count),
-            Column::new("draw", ColumnKind::Count),
-            Column::new("variant", ColumnKind::Text),
-            Column::new("seed", ColumnKind::Count),
-        ];
-        for (one, value) in self.study().varied.iter().zip(self.draws.values(0)) {
-            let kind = match value.cell() {
-                Cell::Number(_) => ColumnKind::Number,
-                _ => ColumnKind::Text,
-            };
-            columns.push(Column::new(&one.name, kind));
-        }
-        columns.extend(result.columns());
-        columns
-    }
-
-    /// Builds the row of a case.
-    pub(super) fn row(&self, case: u64, result: &CaseResult) -> Row {
-        let mut row = self.head(case);
-        row.extend(result.cells());
-        row
-    }
-
-    /// Builds the row of a case that was set aside.
-    pub(super) fn lost(&self, case: u64, columns: &[Column], reason: &str) -> Row {
-        let mut row = self.head(case);
-        let rest = columns.get(row.len()..).unwrap_or_default();
-        row.extend(
-            rest.iter()
-                .map(|column| match (&*column.name, column.kind) {
-                    (CLASS, _) => Cell::Text(LOST.into()),
-                    ("reason", _) => Cell::Text(reason.into()),
-                    (_, ColumnKind::Count) => Cell::Count(0),
-                    (_, ColumnKind::Number) => Cell::number(f64::NAN),
-                    (_, ColumnKind::Text) => Cell::Text(String::new()),
-                }),
-        );
-        row
-    }
-
-    /// Builds the cells of a case that are known before it runs.
-    pub(super) fn head(&self, case: u64) -> Row {
-        values::head(&self.draws, case)
     }
 }
 
