@@ -61,13 +61,22 @@ impl Constants {
             weights,
             selected,
             c_step,
-            damping: 1.0 + 2.0 * (((selected - 1.0) / (n + 1.0)).sqrt() - 1.0).max(0.0) + c_step,
+            damping: 1.0 + 2.0 * positive(((selected - 1.0) / (n + 1.0)).sqrt() - 1.0) + c_step,
             c_path: (4.0 + selected / n) / (n + 4.0 + 2.0 * selected / n),
             c_one,
-            c_mu: c_mu.min(1.0 - c_one),
+            c_mu: if c_mu < 1.0 - c_one {
+                c_mu
+            } else {
+                1.0 - c_one
+            },
             length: n.sqrt() * (1.0 - 1.0 / (4.0 * n) + 1.0 / (21.0 * n * n)),
         }
     }
+}
+
+/// Returns a positive number unchanged, and 0 for any other.
+const fn positive(value: f64) -> f64 {
+    if value > 0.0 { value } else { 0.0 }
 }
 
 impl CmaEs {
@@ -95,7 +104,10 @@ impl CmaEs {
             .diagonal()
             .iter()
             .copied()
-            .fold(0.0, f64::max);
+            .fold(
+                0.0,
+                |largest, one| if one > largest { one } else { largest },
+            );
         self.step * largest.sqrt()
     }
 
@@ -174,7 +186,7 @@ impl CmaEs {
         self.directions = eigen.eigenvectors;
         self.axes = self.directions.clone();
         for (mut column, value) in self.axes.column_iter_mut().zip(eigen.eigenvalues.iter()) {
-            column *= value.max(0.0).sqrt();
+            column *= positive(*value).sqrt();
         }
     }
 }

@@ -102,7 +102,7 @@ pub enum Command {
     /// Run many cases of a scenario: check, plan, run, submit, show
     #[command(after_help = hil_campaign::arguments::EXAMPLES)]
     Campaign(CampaignCommand),
-    /// Search the smallest fault, delay or gain that breaks a requirement, or the worst case
+    /// Find the smallest fault that breaks a requirement
     #[command(after_help = hil_campaign::arguments::search::EXAMPLES)]
     Search(SearchCommand),
     /// Repeat a recorded run with its late commands; compare digests

@@ -55,7 +55,7 @@ fn nearest(trials: &mut Trials) -> Result<Vec<Vec<f64>>, Stop> {
         if trial.is_failed {
             trials.distance(trial)
         } else {
-            beyond + trial.share.max(0.0)
+            beyond + trial.share
         }
     })?;
     let failing = best.filter(|one| one.is_failed);
