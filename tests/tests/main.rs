@@ -50,6 +50,7 @@
 //! | [`playback`] | files of other programs and recordings, played back in runs |
 //! | [`plots`] | report, monitor and layout show the same plots of a run in the same order |
 //! | [`ports`] | port files as controllers, with a peer in Python |
+//! | [`python`] | the wheel of the Python package in an empty environment, and its types |
 //! | [`realtime_settings`] | real-time settings requested of the system, and those granted |
 //! | [`recording`] | content of a recording, read without the recorder's code |
 //! | [`recover`] | recovery after a death, on a full disk and of a damaged file |
@@ -153,6 +154,7 @@ mod plots;
 mod ports;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
+mod python;
 mod quad;
 mod realtime_settings;
 mod recording;
