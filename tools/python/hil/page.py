@@ -5,6 +5,7 @@ One piece of HTML without scripts; every text is escaped.
 
 from __future__ import annotations
 
+import re
 from html import escape
 from typing import TYPE_CHECKING, Iterable, List, Optional, Sequence, Tuple
 
@@ -85,16 +86,20 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def plots(run: Run) -> List[str]:
-    """Returns a plot of each of the first signals that have a reference, else of the first true values."""
-    names = list(run.signals)
-    truth = [name for name in names if name.startswith("truth.")]
-    pairs = [[name, f"reference.{name[6:]}"] for name in truth if f"reference.{name[6:]}" in run.signals]
-    chosen = (pairs or [[name] for name in truth])[:MOST_PLOTS]
+    """Returns a plot of each of the first signals that have a reference, then of those that requirements name."""
+    signals = run.signals
+    truth = [name for name in signals if name.startswith("truth.")]
+    chosen = [[name, f"reference.{name[6:]}"] for name in truth if f"reference.{name[6:]}" in signals]
+    drawn = {name for pair in chosen for name in pair}
+    formulas = " ".join(verdict.formula for verdict in run.verdicts.values()) if run.summary else ""
+    judged = dict.fromkeys(name for name in re.findall(r"\w+\.\w+", formulas) if name in signals and name not in drawn)
+    chosen += [[name] for name in judged]
+    chosen = (chosen or [[name] for name in truth])[:MOST_PLOTS]
     if not chosen:
         return []
-    arrays = run.to_numpy([name for pair in chosen for name in pair])
+    arrays = run.to_numpy([name for names in chosen for name in names])
     time_s = np.asarray(arrays["time_s"])
-    return [plot(time_s, [(name, run.signals[name], np.asarray(arrays[name])) for name in pair]) for pair in chosen]
+    return [plot(time_s, [(name, signals[name], np.asarray(arrays[name])) for name in names]) for names in chosen]
 
 
 def plot(time_s: Values, curves: Sequence[Tuple[str, str, Values]]) -> str:
