@@ -17,6 +17,7 @@
 //! | [`codec`] | frames of ports beside cantools and python-can, without allocation, and described |
 //! | [`completion`] | completions in real shells, and that completing has no side effect |
 //! | [`connect`] | a law on plants with other names and units |
+//! | [`debian`] | the Debian package in a root with nothing but the C library |
 //! | [`determinism`] | one digest for a scenario, however and wherever it runs |
 //! | [`doctor`] | every check runs once, and the verdict follows from the grades |
 //! | [`examples`] | a plant, a law and a link from outside the workspace |
@@ -112,6 +113,7 @@ mod clocks;
 mod codec;
 mod completion;
 mod connect;
+mod debian;
 mod determinism;
 mod doctor;
 #[path = "../shared/every_fault.rs"]

@@ -69,7 +69,8 @@ def unpack(codec: bytes, packed: memoryview, length: int) -> bytes:
 
 def in_parallel(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
     """Yields the results of all items in order, computed by some threads shortly before they are needed."""
-    threads = min(MOST_THREADS, len(os.sched_getaffinity(0)))
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    threads = min(MOST_THREADS, cores)
     if threads == 1:
         yield from map(work, items)
         return

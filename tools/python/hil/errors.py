@@ -79,8 +79,8 @@ class UnknownSignal(Error, KeyError):
     def __init__(self, name: str, place: str, names: Iterable[str], note: str = "") -> None:
         self.name = name
         self.nearest: List[str] = get_close_matches(name, list(names))
-        hint = f"; nearest: {', '.join(self.nearest)}" if self.nearest else ""
-        self._text = f"{place} has no signal `{name}`{hint}{note}"
+        hint = f"nearest: {', '.join(self.nearest)}" if self.nearest else "`run.signals` has all names"
+        self._text = f"{place} has no signal `{name}`; {hint}{note}"
         super().__init__(self._text)
 
     def __str__(self) -> str:
