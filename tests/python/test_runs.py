@@ -63,6 +63,9 @@ class Runs(unittest.TestCase):
         self.assertEqual((holds.verdict, holds.robustness, holds.unit), ("pass", first["robustness"], "m"))
         self.assertEqual([metric.value for metric in run.metrics], [row["value"] for row in summary["metrics"]])
         self.assertEqual(run.metrics[0].window_s, (1.5, 2.0))
+        run["truth.position_m"]
+        again = pickle.loads(pickle.dumps(run))
+        self.assertEqual((again.digest, again["tracking_error_m"].unit), (run.digest, "m"))
 
     def test_two_processes_and_one_have_the_same_digest_in_the_usual_folder(self):
         two, one = hil.run(SPRING), hil.run(SPRING, link="in-process", session="named")

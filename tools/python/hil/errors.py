@@ -14,7 +14,6 @@ A failed requirement is a result and no exception.
 
 from __future__ import annotations
 
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Optional, Sequence
 
 if TYPE_CHECKING:
@@ -77,6 +76,8 @@ class UnknownSignal(Error, KeyError):
     """A run has no signal of that name; `nearest` has similar names."""
 
     def __init__(self, name: str, place: str, names: Iterable[str], note: str = "") -> None:
+        from difflib import get_close_matches
+
         self.name = name
         self.nearest: List[str] = get_close_matches(name, list(names))
         hint = f"nearest: {', '.join(self.nearest)}" if self.nearest else "`run.signals` has all names"

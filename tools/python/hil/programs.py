@@ -6,11 +6,7 @@ and PATH. `hil` finds its other programs beside itself.
 
 from __future__ import annotations
 
-import json
 import os
-import shutil
-import subprocess
-from signal import SIGINT
 from typing import Any, List, NamedTuple, Sequence
 
 from .errors import ProgramError, of_exit_code
@@ -79,6 +75,10 @@ def cannot_start(program: str, error: OSError) -> ProgramError:
 
 def execute(arguments: Sequence[str]) -> Output:
     """Runs `hil` to its end and returns its output; Ctrl-C ends `hil` first, which then cleans up."""
+    # Not above: the command `hil` of this package needs neither.
+    import subprocess
+    from signal import SIGINT
+
     command = [find(), *arguments]
     try:
         child = subprocess.Popen(
@@ -114,6 +114,8 @@ def succeed(arguments: Sequence[str]) -> str:
 
 def parsed(text: str) -> Any:
     """Returns the JSON of a command, or `None` if it printed none."""
+    import json
+
     try:
         return json.loads(text)
     except ValueError:

@@ -96,6 +96,10 @@ class Run:
             raise RecordingError(f"{self.folder} has no recording, because the run was not to be recorded")
         return Recording(path)
 
+    def __reduce__(self) -> Any:
+        # Without what was read: another process reads the files itself.
+        return (_restore, (self.folder, self.path if self.is_recorded else None, self.messages))
+
     def __repr__(self) -> str:
         verdict = self.summary["verdict"] if self.summary else "no verdict"
         return f"<Run {self.folder}: {verdict}>"
@@ -345,6 +349,10 @@ class Run:
         if blocks:
             np.concatenate([block.T for block in blocks], axis=1, out=words)
         return words
+
+
+def _restore(folder: Path, path: Optional[Path], messages: str) -> Run:
+    return Run(folder, Recording(path) if path else None, messages)
 
 
 def matches(name: str, pattern: str) -> bool:
