@@ -1,4 +1,4 @@
-"""Compares three ways to the numbers of a run, bit by bit: `hil_run`, and what `hil export` wrote.
+"""Compares three ways to the numbers of a run, bit by bit: the package `hil`, and what `hil export` wrote.
 
     python compare_export.py RUN TABLE.csv TABLE.parquet
 
@@ -16,7 +16,7 @@ import pyarrow.parquet
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
 
-import hil_run
+import hil
 
 
 def same(name, a, b):
@@ -27,7 +27,7 @@ def same(name, a, b):
 
 
 def main(run_path, csv_path, parquet_path):
-    run = hil_run.load(run_path)
+    run = hil.open(run_path)
     data = run.to_numpy()
     csv = pandas.read_csv(csv_path, dtype={"step": np.uint64})
     parquet = pyarrow.parquet.read_table(parquet_path)

@@ -20,7 +20,7 @@ from fmpy.fmi3 import FMU3Slave
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
 
-import hil_run
+import hil
 
 TWO = {"Real": "Real", "Integer": "Integer", "Enumeration": "Integer", "Boolean": "Boolean"}
 THREE = {
@@ -122,7 +122,7 @@ class Calls:
 
 def compare(path, run_path, rate_hz):
     rate_hz = float(rate_hz)
-    data = hil_run.load(run_path).to_numpy()
+    data = hil.open(run_path).to_numpy()
     columns = lambda kind: [values for name, values in data.items() if name.startswith(kind + ".")]
     applied, measured = columns("applied"), columns("measured")
     scenario = tomllib.loads((pathlib.Path(run_path) / "scenario.toml").read_text())

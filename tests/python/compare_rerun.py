@@ -1,4 +1,4 @@
-"""Converts recordings with rerun and compares every column with what `hil_run` reads, bit by bit.
+"""Converts recordings with rerun and compares every column with what the package `hil` reads, bit by bit.
 
     python compare_rerun.py FOLDER RUN...
 
@@ -17,7 +17,7 @@ import pyarrow
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
 
-import hil_run
+import hil
 
 
 def rerun_command(folder, *arguments):
@@ -68,7 +68,7 @@ def same(name, found, expected):
 
 
 def compare(run_path, folder):
-    run = hil_run.load(run_path)
+    run = hil.open(run_path)
     recording, converted = pathlib.Path(run_path), folder / "run.rrd"
     recording = recording / "run.mcap" if recording.is_dir() else recording
     rerun_command(folder, "mcap", "convert", recording, "-o", converted)

@@ -17,6 +17,7 @@
 //! | [`codec`] | frames of ports beside cantools and python-can, without allocation, and described |
 //! | [`completion`] | completions in real shells, and that completing has no side effect |
 //! | [`connect`] | a law on plants with other names and units |
+//! | [`debian`] | the Debian package in a root with nothing but the C library |
 //! | [`determinism`] | one digest for a scenario, however and wherever it runs |
 //! | [`doctor`] | every check runs once, and the verdict follows from the grades |
 //! | [`examples`] | a plant, a law and a link from outside the workspace |
@@ -51,6 +52,7 @@
 //! | [`playback`] | files of other programs and recordings, played back in runs |
 //! | [`plots`] | report, monitor and layout show the same plots of a run in the same order |
 //! | [`ports`] | port files as controllers, with a peer in Python |
+//! | [`python`] | the wheel of the Python package in an empty environment, and its types |
 //! | [`realtime_settings`] | real-time settings requested of the system, and those granted |
 //! | [`recording`] | content of a recording, read without the recorder's code |
 //! | [`recover`] | recovery after a death, on a full disk and of a damaged file |
@@ -116,6 +118,7 @@ mod clocks;
 mod codec;
 mod completion;
 mod connect;
+mod debian;
 mod determinism;
 mod doctor;
 #[path = "../shared/every_fault.rs"]
@@ -159,6 +162,7 @@ mod plots;
 mod ports;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
+mod python;
 mod quad;
 mod realtime_settings;
 mod recording;

@@ -1,6 +1,6 @@
-"""The module `hil_run` on recordings made here, with the public writer and a closed form.
+"""The package `hil` on recordings made here, with the public writer and a closed form.
 
-    python -m unittest test_hil_run
+    python -m unittest test_recordings
 """
 
 import json
@@ -15,7 +15,8 @@ from mcap.writer import CompressionType, Writer
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
 
-import hil_run
+import hil
+from hil import recording
 
 SCHEMA = """uint64 step
 uint64[2] sample_invalid
@@ -97,7 +98,7 @@ def write(path, compression=CompressionType.LZ4, steps=range(STEPS + 1), earlier
         writer.finish()
 
 
-class HilRun(unittest.TestCase):
+class Recordings(unittest.TestCase):
     def setUp(self):
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
@@ -106,25 +107,25 @@ class HilRun(unittest.TestCase):
         write(self.path)
 
     def steps(self, **choice):
-        return hil_run.load(self.folder).to_numpy("truth.angle_rad", **choice)["step"].tolist()
+        return hil.open(self.folder).to_numpy("truth.angle_rad", **choice)["step"].tolist()
 
     def test_words_in_parts_are_columns_as_whole_ones_are(self):
         schema = f"""uint64 step
 uint32[4] sample_invalid
 hil_msgs/Surroundings plant_surroundings
-{hil_run.recording.RULER}
+{recording.RULER}
 MSG: hil_msgs/Surroundings
 uint8[3] page_faults # Of the thread so far.
 uint8[3] context_switches
 uint16 core
 """
-        names = [column.name for column in hil_run.recording.columns_of(schema)]
+        names = [column.name for column in recording.columns_of(schema)]
         self.assertEqual(names, ["step", "sample_invalid[0]", "sample_invalid[1]", "plant_surroundings"])
 
     def test_signals_have_their_values_and_units(self):
         for compression in CompressionType:
             write(self.path, compression)
-            run = hil_run.load(self.folder)
+            run = hil.open(self.folder)
             units = {"truth.angle_rad": "rad", "truth.ratio": "", "command.force_n": "N"}
             self.assertEqual(dict(run.signals), units)
             data = run.to_numpy()
@@ -151,7 +152,7 @@ uint16 core
         self.assertEqual(self.steps(every=250), [0, 250, *range(1000, STEPS + 1, 250)])
 
     def test_signals_are_chosen_by_name_and_by_pattern_in_the_order_asked_for(self):
-        run = hil_run.load(self.path)
+        run = hil.open(self.path)
         chosen = run.to_numpy(["command.force_n", "truth.*", "*.angle_rad", "round_trip_ns"])
         names = ["step", "time_s", "command.force_n", "truth.angle_rad", "truth.ratio", "round_trip_ns"]
         self.assertEqual(list(chosen), names)
@@ -163,7 +164,7 @@ uint16 core
         (self.folder / "summary.json").write_text('{"verdict": "pass"}')
         for earlier in (True, False):
             write(self.path, earlier=earlier)
-            run = hil_run.load(self.folder)
+            run = hil.open(self.folder)
             self.assertEqual((run.events, run.faults), ([FAULT, END], [FAULT]))
         self.assertEqual((run.metadata["hil.run"]["scenario"], run.digest), ("made here", "abc"))
         self.assertEqual((run.scenario, run.summary), ("schema = 1\n", {"verdict": "pass"}))
@@ -175,8 +176,8 @@ uint16 core
         for part in range(1, 20):
             self.path.write_bytes(content[: len(content) * part // 20])
             try:
-                run = hil_run.load(self.path)
-            except hil_run.RecordingError as error:
+                run = hil.open(self.path)
+            except hil.RecordingError as error:
                 self.assertEqual(longest, 0, error)  # not even the channels are there
                 continue
             ratio = run.to_numpy("truth.ratio")["truth.ratio"].tolist()
@@ -191,32 +192,32 @@ uint16 core
         place = content.index(words(1000))
         content[place + 30] ^= 1
         self.path.write_bytes(content)
-        run = hil_run.load(self.path)
+        run = hil.open(self.path)
         self.assertEqual(len(run.to_numpy(window_s=(2.0, 3.0))["step"]), 1001, "the rest is whole")
-        with self.assertRaisesRegex(hil_run.RecordingError, "damaged"):
+        with self.assertRaisesRegex(hil.RecordingError, "damaged"):
             run.to_numpy()
 
     def test_what_is_no_recording_is_named(self):
         with tempfile.TemporaryDirectory() as empty:
-            with self.assertRaisesRegex(hil_run.RecordingError, "has no recording"):
-                hil_run.load(empty)
+            with self.assertRaisesRegex(hil.RecordingError, "has no recording"):
+                hil.open(empty)
         self.path.write_text("not an MCAP file")
-        with self.assertRaisesRegex(hil_run.RecordingError, "no MCAP file"):
-            hil_run.load(self.path)
+        with self.assertRaisesRegex(hil.RecordingError, "no MCAP file"):
+            hil.open(self.path)
 
     def test_a_file_that_was_cut_before_its_first_record_is_called_cut(self):
         content = self.path.read_bytes()
         for length in (0, 5, 8, 60):
             self.path.write_bytes(content[:length])
-            with self.assertRaisesRegex(hil_run.RecordingError, "was cut off before its first record"):
-                hil_run.load(self.path)
+            with self.assertRaisesRegex(hil.RecordingError, "was cut off before its first record"):
+                hil.open(self.path)
 
     def test_a_frame_has_the_same_numbers_over_time(self):
         try:
             import pandas  # noqa: F401
         except ImportError:
             self.skipTest("pandas is missing")
-        run = hil_run.load(self.folder)
+        run = hil.open(self.folder)
         frame, data = run.to_pandas("truth.*", every=10), run.to_numpy("truth.*", every=10)
         self.assertEqual(list(frame.columns), ["step", "truth.angle_rad", "truth.ratio"])
         self.assertEqual(frame.index.tolist(), data["time_s"].tolist())

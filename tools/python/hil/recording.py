@@ -1,6 +1,6 @@
 """The file of a run: what is where in it, and its records as blocks of words.
 
-Used by `run`. Knows what a recording says of itself and nothing of plants or controllers. A file whose
+Used by `result`. Knows what a recording says of itself and nothing of plants or controllers. A file whose
 writer was killed is read as far as it goes; one that is damaged is refused.
 
 A record is a message of 4 bytes of CDR encapsulation and 64-bit words, which the `ros2msg` schema names
@@ -15,30 +15,28 @@ import os
 import struct
 from io import BytesIO
 from pathlib import Path
-from typing import Any, BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Tuple, Union
+from typing import Any, BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
 
 import numpy as np
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
-from mcap.stream_reader import get_chunk_data_stream
+from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
+
+from .chunks import ChunkError, content_of, in_parallel
+from .errors import RecordingError
 
 MAGIC = b"\x89MCAP0\r\n"
 # Opcode and length of a record of the file.
 HEAD = struct.Struct("<BQ")
 # Channel, sequence, log time and publish time of a message.
 MESSAGE = struct.Struct("<HIQQ")
+# Channel of an index, and the length of its list.
+INDEX = struct.Struct("<HI")
 ENCAPSULATION_BYTES = 4
 RULER = "=" * 80
 
 Words = NDArray[np.uint64]
-
-
-class RecordingError(Exception):
-    """A file is not a recording of a run, or a damaged one."""
 
 
 class Column(NamedTuple):
@@ -53,12 +51,16 @@ class Column(NamedTuple):
 
 
 class ChunkPlace(NamedTuple):
-    """Where a chunk stands, and the simulated time of its first and last message."""
+    """Place of a chunk in the file, simulated time of its first and last message, and number of its records.
+
+    The number is `None` if the chunk has no index.
+    """
 
     offset: int
     length: int
     start_ns: int
     end_ns: int
+    records: Optional[int] = None
 
 
 class Recording:
@@ -69,7 +71,7 @@ class Recording:
         self.metadata: Dict[str, Dict[str, str]] = {}
         self.attachments: Dict[str, str] = {}
         self.columns: List[Column] = []
-        #: Whether its writer finished it.
+        #: `True` if its writer finished it.
         self.is_whole = False
         self._chunks: List[ChunkPlace] = []
         self._schemas: Dict[int, str] = {}
@@ -100,6 +102,11 @@ class Recording:
                 if not self.columns:
                     # Other programs that write such files put channels in front of their messages.
                     self._take_channels(self._content(file, self._chunks[-1]))
+            elif opcode == Opcode.MESSAGE_INDEX:
+                channel, index_bytes = INDEX.unpack(file.read(INDEX.size))
+                if channel == self._records_channel and self._chunks:
+                    # Two words for each message.
+                    self._chunks[-1] = self._chunks[-1]._replace(records=index_bytes // 16)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
                 self._take(opcode, file.read(length))
             file.seek(offset + length)
@@ -141,22 +148,53 @@ class Recording:
             raise RecordingError(f"{self.path} does not say its rate") from None
 
     def blocks(self, wanted: Callable[[ChunkPlace], bool]) -> Iterator[Words]:
-        """The records of those chunks, in order: arrays with a row for each record.
+        """Yields the records of those chunks, in order: arrays with a row for each record.
 
         The arrays are views of the file's own bytes; what is to last has to be copied.
         """
-        for content in self._contents(wanted):
+        for blocks in in_parallel(lambda place: list(self._blocks(place)), filter(wanted, self._chunks)):
+            yield from blocks
+
+    def columns_of_all(self, places: List[int]) -> Optional[Words]:
+        """Returns those words of all records, a row for each word; `None` if the file has no index of its chunks.
+
+        Each value is copied once, from the bytes of its chunk to its place in the result.
+        """
+        counts = [place.records for place in self._chunks]
+        if None in counts:
+            return None
+        begins = np.cumsum([0, *(count or 0 for count in counts)])
+        words = np.empty((len(places), int(begins[-1])), np.uint64)
+        slices = runs_of(places)
+
+        def fill(number: int) -> None:
+            row, end = int(begins[number]), int(begins[number + 1])
+            for block in self._blocks(self._chunks[number]):
+                if row + len(block) <= end:
+                    for into, source in slices:
+                        words[into, row : row + len(block)] = block[:, source].T
+                row += len(block)
+            if row != end:
+                at_s = self._chunks[number].start_ns / 1e9
+                raise RecordingError(f"{self.path} is damaged after {at_s} s: an index does not match its chunk")
+
+        for _ in in_parallel(fill, range(len(self._chunks))):
+            pass
+        return words
+
+    def _blocks(self, place: ChunkPlace) -> Iterator[Words]:
+        for content in self._messages(self._content_at(place)):
             if not isinstance(content, bytes):
                 yield content
 
     def events(self) -> Iterator[Dict[str, Any]]:
-        """What happened, in order."""
+        """Yields what happened, in order."""
         for content in self._contents(lambda place: True):
             if isinstance(content, bytes):
                 yield json.loads(self._json(content))
 
     def _json(self, message: bytes) -> bytes:
-        """The facts of an event: the text that its message begins with, or in earlier files all of it."""
+        """Returns the facts of an event: the text that its message begins with, or in earlier files all of it."""
         if not self._events_are_cdr:
             return message
         (length,) = struct.unpack_from("<I", message, ENCAPSULATION_BYTES)
@@ -164,18 +202,19 @@ class Recording:
         return message[begin : begin + length - 1]
 
     def _contents(self, wanted: Callable[[ChunkPlace], bool]) -> Iterator[Union[Words, bytes]]:
-        """Blocks of records, and events between them."""
+        """Yields blocks of records, and events between them."""
+        for place in filter(wanted, self._chunks):
+            yield from self._messages(self._content_at(place))
+
+    def _content_at(self, place: ChunkPlace) -> bytes:
         with open(self.path, "rb") as file:
-            for place in filter(wanted, self._chunks):
-                yield from self._messages(self._content(file, place))
+            return self._content(file, place)
 
     def _content(self, file: BinaryIO, place: ChunkPlace) -> bytes:
         file.seek(place.offset)
-        body = ReadDataStream(BytesIO(file.read(place.length)))
         try:
-            stream, length = get_chunk_data_stream(Chunk.read(body), validate_crc=True)
-            return stream.read(length)
-        except (McapError, ValueError, RuntimeError, zstandard.ZstdError) as error:
+            return content_of(file.read(place.length))
+        except ChunkError as error:
             at_s = place.start_ns / 1e9
             raise RecordingError(f"{self.path} is damaged after {at_s} s: {error}") from error
 
@@ -211,8 +250,19 @@ class Recording:
             offset = body + length
 
 
+def runs_of(places: List[int]) -> List[Tuple[slice, slice]]:
+    """Returns runs of successive places: the part of the list, and the part of a record."""
+    runs: List[Tuple[slice, slice]] = []
+    begin = 0
+    for end in range(1, len(places) + 1):
+        if end == len(places) or places[end] != places[end - 1] + 1:
+            runs.append((slice(begin, end), slice(places[begin], places[begin] + end - begin)))
+            begin = end
+    return runs
+
+
 def columns_of(schema: str) -> List[Column]:
-    """The words of a record: `uint64`, arrays of it, arrays of two `uint32` for each word, messages of
+    """Returns the words of a record: `uint64`, arrays of it, arrays of two `uint32` for each word, messages of
     `float64`, and messages that are one word, taken apart for other programs."""
     top, *parts = schema.split(RULER)
     messages: Dict[str, List[Column]] = {}
@@ -235,7 +285,7 @@ def columns_of(schema: str) -> List[Column]:
 
 
 def field_of(line: str) -> Tuple[str, str, str]:
-    """Type, name and unit of a field: `float64 angle_rad # [rad] The angle.`"""
+    """Returns type, name and unit of a field: `float64 angle_rad # [rad] The angle.`"""
     field, _, comment = line.partition("#")
     kind, name = field.split()
     comment = comment.strip()
