@@ -6,7 +6,7 @@ use rustix::process::Signal;
 use super::kills::{endless, without_processes};
 use super::peer::{Peer, scenario, write_port};
 use super::{REQUIREMENTS, run};
-use crate::support::harness::{Rig, send};
+use crate::support::harness::{Rig, names, send};
 
 fn is_controlled_and_gets_the_safe_value(start: impl Fn(&Rig) -> Peer) {
     let rig = Rig::new();
@@ -36,7 +36,8 @@ fn is_controlled_and_gets_the_safe_value(start: impl Fn(&Rig) -> Peer) {
     peer.until_safe();
     without_processes(&rig);
     running.finish().expect(3);
-    assert!(!rig.path("rig.socket").exists());
+    let is_of_port = |name: &String| name == "rig.socket" || name.contains(".hil-");
+    assert!(!names(&rig.path("")).iter().any(is_of_port));
 }
 
 #[test]
@@ -47,6 +48,11 @@ fn a_rig_behind_tcp_is_controlled_and_gets_the_safe_value() {
 #[test]
 fn a_rig_behind_a_unix_socket_is_controlled_and_gets_the_safe_value() {
     is_controlled_and_gets_the_safe_value(|rig| Peer::on_unix(rig.path("rig.socket")));
+}
+
+#[test]
+fn a_rig_with_a_socket_of_datagrams_is_controlled_and_gets_the_safe_value() {
+    is_controlled_and_gets_the_safe_value(|rig| Peer::on_datagrams(&rig.path("peer.socket")));
 }
 
 #[test]

@@ -4,8 +4,8 @@
 use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream, UdpSocket};
-use std::os::unix::net::UnixStream;
-use std::path::PathBuf;
+use std::os::unix::net::{UnixDatagram, UnixStream};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::thread::JoinHandle;
@@ -40,6 +40,8 @@ pub(super) enum Line {
     Udp(UdpSocket, String),
     Tcp(TcpListener, Option<TcpStream>),
     Unix(PathBuf, Option<UnixStream>),
+    /// Socket with a path, and that of the port once it has sent something.
+    Datagrams(UnixDatagram, Option<PathBuf>),
     /// Holder of a pseudo-terminal, and its other end, which keeps what the port wrote after the port's end.
     Serial {
         holder: File,
@@ -67,6 +69,10 @@ impl Line {
                 }
                 (end.as_mut()).map_or(Err(ErrorKind::WouldBlock.into()), |end| end.read(buffer))
             }
+            Self::Datagrams(socket, port) => socket.recv_from(buffer).map(|(count, from)| {
+                *port = from.as_pathname().map(Path::to_owned);
+                count
+            }),
             Self::Serial { holder, .. } => holder.read(buffer),
         };
         // A refused connection or a closed line is nothing to end for.
@@ -78,6 +84,9 @@ impl Line {
             Self::Udp(socket, to) => socket.send_to(bytes, &*to).map(|_| ()),
             Self::Tcp(_, end) => end.as_mut().map_or(Ok(()), |end| end.write_all(bytes)),
             Self::Unix(_, end) => end.as_mut().map_or(Ok(()), |end| end.write_all(bytes)),
+            Self::Datagrams(socket, port) => port
+                .as_ref()
+                .map_or(Ok(()), |port| socket.send_to(bytes, port).map(|_| ())),
             Self::Serial { holder, .. } => holder.write_all(bytes),
         };
     }
@@ -126,6 +135,14 @@ impl Peer {
             text(&path)
         );
         Self::on(Line::Unix(path, None), medium)
+    }
+
+    /// Starts a rig that has a socket of datagrams.
+    pub(super) fn on_datagrams(path: &Path) -> Self {
+        let socket = UnixDatagram::bind(path).expect("a socket");
+        socket.set_nonblocking(true).expect("a socket");
+        let medium = format!("kind = \"unix\"\npath = {:?}", text(path));
+        Self::on(Line::Datagrams(socket, None), medium)
     }
 
     /// Starts a rig behind a serial line.
