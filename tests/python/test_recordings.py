@@ -6,12 +6,13 @@
 import json
 import math
 import pathlib
+import struct
 import sys
 import tempfile
 import unittest
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
 
@@ -69,9 +70,9 @@ def event(facts):
     return b"\0\1\0\0" + message
 
 
-def write(path, compression=CompressionType.LZ4, steps=range(STEPS + 1), earlier=False):
+def write(path, compression=CompressionType.LZ4, steps=range(STEPS + 1), earlier=False, indices=IndexType.ALL):
     with open(path, "wb") as file:
-        writer = Writer(file, compression=compression, chunk_size=20_000)
+        writer = Writer(file, compression=compression, chunk_size=20_000, index_types=indices)
         writer.start("ros2")
         writer.add_metadata("hil.run", {"rate_hz": "1000", "scenario": "made here"})
         writer.add_attachment(0, 0, "scenario.toml", "application/toml", b"schema = 1\n")
@@ -136,6 +137,27 @@ uint16 core
             self.assertEqual(data["truth.ratio"].tolist(), [step / 7.0 for step in range(STEPS + 1)])
             self.assertEqual(data["command.force_n"][:-1].tolist(), [-2.0 * step for step in range(STEPS)])
             self.assertTrue(math.isnan(data["command.force_n"][-1]))
+
+    def test_a_recording_without_indices_has_the_same_values(self):
+        names = ["command.force_n", "truth.*", "round_trip_ns"]
+        indexed = hil.open(self.folder).to_numpy(names)
+        write(self.path, indices=IndexType.NONE)
+        plain = hil.open(self.folder).to_numpy(names)
+        self.assertEqual(list(indexed), list(plain))
+        for name, values in indexed.items():
+            self.assertEqual(values.tobytes(), plain[name].tobytes(), name)
+
+    def test_an_index_that_does_not_match_its_chunk_is_refused(self):
+        content = bytearray(self.path.read_bytes())
+        # Opcode, length, channel of the records, and the length of the list.
+        counts = [place.records for place in recording.Recording(self.path)._chunks]
+        index = struct.pack("<BQHI", 7, 6 + 16 * counts[3], 1, 16 * counts[3])
+        self.assertIn(index, content)
+        place = content.index(index) + len(index) - 4
+        content[place : place + 4] = struct.pack("<I", 16 * (counts[3] - 1))
+        self.path.write_bytes(content)
+        with self.assertRaisesRegex(hil.RecordingError, "an index does not match its chunk"):
+            hil.open(self.path).to_numpy()
 
     def test_a_window_has_both_its_ends_and_picking_begins_at_the_first(self):
         self.assertEqual(self.steps(window_s=(0.5, 0.503)), [500, 501, 502, 503])

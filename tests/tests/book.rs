@@ -70,7 +70,7 @@ fn every_data_block_of_the_book_can_be_parsed() {
                     let read: Result<serde_json::Value, _> = serde_json::from_str(&text);
                     read.unwrap_or_else(|error| panic!("{place}: {error}"));
                 }
-                "sh" | "console" | "text" | "rust" | "python" | "c" => {}
+                "sh" | "console" | "text" | "rust" | "python" | "c" | "matlab" => {}
                 other => panic!("{place}: a block of `{other}`: nobody looks after it"),
             }
         }

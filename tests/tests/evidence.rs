@@ -82,7 +82,7 @@ fn each_requirement_of_the_list_is_a_row_whether_or_not_a_run_verifies_it() {
     // Read by a program that knows nothing of ours.
     let script = "import csv, json, sys; print(json.dumps(list(csv.DictReader(open(sys.argv[1], newline='')))))";
     let table = rig.path("evidence").join("evidence.csv");
-    let rows = succeeds(Command::new("python3").args(["-c", script]).arg(table));
+    let rows = succeeds(rig.command("python3").args(["-c", script]).arg(table));
     let rows: Vec<Value> = serde_json::from_str(&rows).expect("JSON");
     for run in &runs {
         let summary = run.summary();
