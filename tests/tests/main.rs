@@ -34,6 +34,7 @@
 //! | [`instruments`] | sensors and actuators: their effect in a recording, and the same bits wherever the run is |
 //! | [`interruptions`] | Ctrl-C ends every command with exit code 130 and leaves nothing behind |
 //! | [`intrusion`] | strangers to a session cannot read, disturb or join it |
+//! | [`jsbsim`] | a flight simulator as the plant, behind a port |
 //! | [`kept`] | persistent processes never use frames of one job for the next |
 //! | [`lasting`] | descriptors and threads of processes that do many jobs |
 //! | [`latency`] | every figure of a loop counts the right steps and is consistent with the others |
@@ -139,6 +140,7 @@ mod inputs;
 mod instruments;
 mod interruptions;
 mod intrusion;
+mod jsbsim;
 mod kept;
 mod lasting;
 mod latency;
