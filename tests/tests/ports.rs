@@ -7,7 +7,7 @@ mod serial;
 
 use std::net::UdpSocket;
 
-use crate::support::harness::Rig;
+use crate::support::harness::{EXPIRES_S, Rig};
 use crate::support::programs::shipped;
 use crate::support::python::python;
 
@@ -158,10 +158,18 @@ fn a_silent_peer_is_named_before_the_plant_gives_up() {
     };
     let silent = PEER.replace("peer.sendto", "(lambda *_: None)");
     rig.write("peer.py", &silent);
-    let arguments = ["run", "wire.toml", "--out", "silent", "--wait-limit", "1"];
+    let limit = EXPIRES_S.to_string();
+    let arguments = [
+        "run",
+        "wire.toml",
+        "--out",
+        "silent",
+        "--wait-limit",
+        &limit,
+    ];
     let run = rig.hil_in(&rig.path(""), &arguments);
     run.expect(3)
-        .says(&["no frame `drive` within 0.", " s from UDP, 127.0.0.1:"]);
+        .says(&["no frame `drive` within ", " s from UDP, 127.0.0.1:"]);
     rig.assert_nothing_left();
 }
 
@@ -235,4 +243,45 @@ fn a_peer_that_starts_again_and_counts_from_0_costs_one_command() {
     let log = std::fs::read_to_string(rig.path("again").join("controller.log")).expect("a log");
     let part = "the counter `counter` of frame `drive` jumps to 0 instead of 100; bytes: 00 ";
     assert_eq!(log.matches(part).count(), 1, "{log}");
+}
+
+#[test]
+fn frames_of_another_byte_order_are_named_in_the_error_that_they_lead_to() {
+    let rig = Rig::new();
+    let Some(()) = scenario(&rig, ["20", "0.5", "1000000"]) else {
+        return;
+    };
+    let path = rig.path("bench.port.toml");
+    let text = std::fs::read_to_string(path).expect("it was written");
+    let constant = "fields = [{ kind = \"constant\", name = \"sync\", type = \"u16\", value = 0x55AA }, { signal = \"command";
+    let text = text.replace("fields = [{ signal = \"command", constant);
+    // The position, 0.02 m, is beyond a range that ends at 0.01 m.
+    let narrow = "measured.position_m\", range = [-0.01, 0.01]";
+    rig.write(
+        "bench.port.toml",
+        &text.replace("measured.position_m\"", narrow),
+    );
+    let scenario = rig.path("wire.toml");
+    let text = std::fs::read_to_string(scenario).expect("it was written");
+    rig.write(
+        "wire.toml",
+        &format!("{text}plant.parameters.initial_position_m = 0.02\n"),
+    );
+    let swapped = PEER.replace("pack(\"<d\", bias", "pack(\">Hd\", 0x55AA, bias");
+    rig.write("peer.py", &swapped);
+    let limit = EXPIRES_S.to_string();
+    let arguments = [
+        "run",
+        "wire.toml",
+        "--out",
+        "swapped",
+        "--wait-limit",
+        &limit,
+    ];
+    rig.hil_in(&rig.path(""), &arguments).expect(3).says(&[
+        "the constant `sync` of frame `drive` is 0xaa55 and not 0x55aa, in the other byte order; bytes: 55 aa ",
+        "no frame `drive` within ",
+        "; arrived so far: 1 refused",
+        "frame `motion`: `measured.position_m` is beyond -0.01 to 0.01 and sent as the limit; bytes: 7b 14 ae 47 e1 7a 84 3f ",
+    ]);
 }

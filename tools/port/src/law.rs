@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use controller_process::controller::{Answer, Law, LawKind, Row, SetupRows};
-use hil_config::port::counts::Counts;
+use hil_config::port::counts::{Counts, MediumCounts};
 use hil_config::port::{Carries, Exchange, Port};
 use hil_session::supervision::Supervision;
 use shared_types::describe::{Invalid, LawDescription};
@@ -193,10 +193,11 @@ impl PortLaw {
                 .map_err(|error| in_words(&error))?;
             if Instant::now() >= until {
                 return Err(Failure::lost(format!(
-                    "no frame `{}` within {:.3} s from {}",
+                    "no frame `{}` within {:.3} s from {}{}",
                     wire.name(frame),
                     limit.as_secs_f64(),
-                    wire.places()
+                    wire.places(),
+                    others(&wire.counts())
                 )));
             }
         }
@@ -205,6 +206,26 @@ impl PortLaw {
             true => settle(wire, until).map_err(|error| in_words(&error)),
             false => Ok(()),
         }
+    }
+}
+
+/// Describes what has arrived instead of a frame, with a semicolon in front; empty if nothing has.
+fn others(counts: &Counts) -> String {
+    let of_media = |count: fn(&MediumCounts) -> u64| counts.media.iter().map(count).sum::<u64>();
+    let refused: u64 = counts.frames.iter().map(|frame| frame.refused).sum();
+    let texts = [
+        (refused, "refused"),
+        (of_media(|medium| medium.foreign), "of no frame of the port"),
+        (of_media(|medium| medium.strangers), "of other senders"),
+        (of_media(|medium| medium.skipped_bytes), "bytes of no frame"),
+    ];
+    let texts: Vec<String> = (texts.iter())
+        .filter(|(count, _)| *count > 0)
+        .map(|(count, text)| format!("{count} {text}"))
+        .collect();
+    match texts.is_empty() {
+        true => String::new(),
+        false => format!("; arrived so far: {}", texts.join(", ")),
     }
 }
 

@@ -271,7 +271,9 @@ impl Wire {
                         }
                     }
                     (Err(refusal), frame) => {
+                        // A plant whose frames all jump is lost, however many there are.
                         if let Some(frame) = frame
+                            && self.port.frames[frame].carries == Carries::Command
                             && is_answer(&refusal)
                         {
                             self.has_arrived[frame] = true;

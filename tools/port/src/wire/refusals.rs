@@ -1,8 +1,9 @@
-//! Refused frames: printed once for each kind, with their bytes.
+//! Refused frames, and values beyond the range of their fields: printed once for each kind, with the bytes.
 
 use std::mem::Discriminant;
 
-use hil_codec::row::Refusal;
+use hil_codec::pack::Packer;
+use hil_codec::row::{FieldResult, Refusal};
 use hil_config::port::Port;
 
 /// Most kinds of refusals that are printed; all are counted.
@@ -47,15 +48,40 @@ pub(super) fn report(
         Some(frame) => refusal.describe(&port.frames[frame].frame),
         None => "no frame is received on this medium".into(),
     };
+    hil_session::program::say(&format!(
+        "medium `{}`: refused: {why}; bytes: {} (further ones of this kind are counted only)",
+        port.media[medium].name,
+        hex(bytes)
+    ));
+}
+
+/// Prints each field of a sent frame that has a value beyond its range for the first time.
+pub(super) fn report_saturated(port: &Port, frame: usize, packer: &Packer, bytes: &[u8]) {
+    for (place, result) in packer.results().iter().enumerate() {
+        let is_first = packer.saturated()[place] == 1;
+        if *result != FieldResult::Saturated || !is_first {
+            continue;
+        }
+        let frame = &port.frames[frame].frame;
+        let Some((signal, number)) = frame.signals().nth(place) else {
+            continue;
+        };
+        let (low, high) = number.range();
+        hil_session::program::say(&format!(
+            "frame `{}`: `{signal}` is beyond {low:?} to {high:?} and sent as the limit; bytes: {} (further ones are counted only)",
+            frame.name,
+            hex(bytes)
+        ));
+    }
+}
+
+/// Returns bytes as a text, of long frames the beginning.
+fn hex(bytes: &[u8]) -> String {
     let beginning = &bytes[..bytes.len().min(MOST_BYTES)];
     let hex: Vec<String> = beginning.iter().map(|byte| format!("{byte:02x}")).collect();
     let rest = match bytes.len() > beginning.len() {
         true => " ..",
         false => "",
     };
-    hil_session::program::say(&format!(
-        "medium `{}`: refused: {why}; bytes: {}{rest} (further ones of this kind are counted only)",
-        port.media[medium].name,
-        hex.join(" ")
-    ));
+    hex.join(" ") + rest
 }

@@ -198,3 +198,28 @@ fn a_datagram_with_more_frames_than_a_page_is_read_whole() {
     assert_eq!(wire.counts().frames[1].accepted, u64::from(COUNT));
     assert_eq!(wire.row().values(), [f64::from(COUNT - 1)]);
 }
+
+#[test]
+fn a_counter_that_jumps_is_an_answer_of_a_controller_and_no_sign_of_a_plant() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (sends, receives, signal) in [
+        (Carries::Sample, "command", "command.a"),
+        (Carries::Command, "sample", "measured.a"),
+    ] {
+        let text = format!(
+            "port = 1\n[[media]]\nkind = \"unix\"\npath = \"{receives}\"\nlistens = true\n[[frames]]\nname = \"one\"\ncarries = \"{receives}\"\nfields = [{{ kind = \"counter\", type = \"u8\", max_jump = 3 }}, {{ signal = \"{signal}\", type = \"u8\" }}]\n"
+        );
+        let file = folder.path().join("test.port.toml");
+        let port = Port::parse(&text, &file, None).expect("a port file");
+        let mut wire = Wire::open(&port, sends, 0.001, folder.path()).expect("opened");
+        let peer = UnixDatagram::bind(folder.path().join(signal)).expect("a socket");
+        for (counter, is_heard) in [(0, true), (9, sends == Carries::Sample), (10, true)] {
+            wire.begin();
+            peer.send_to(&[counter, 1], folder.path().join(receives))
+                .expect("sent");
+            wire.receive().expect("a medium");
+            assert_eq!(wire.has_heard(), is_heard, "{receives} {counter}");
+            assert_eq!(wire.awaited(0).is_none(), is_heard, "{receives} {counter}");
+        }
+    }
+}

@@ -2,6 +2,7 @@
 
 use shared_types::quality::SignalSet;
 
+use super::refusals::report_saturated;
 use super::{Wire, WireError, gone};
 use crate::medium::Outlet;
 
@@ -37,6 +38,7 @@ impl Wire {
             }
             one.bytes.clear();
             (one.bytes).extend_from_slice(one.packer.pack(values, invalid));
+            report_saturated(&self.port, one.frame, &one.packer, &one.bytes);
             let result = self.media[one.medium].medium.send(one.id, &one.bytes);
             one.is_sent = result.map_err(|error| gone(&self.port, one.medium, error))?;
             one.sent += u64::from(one.is_sent);
