@@ -153,6 +153,15 @@ fn the_lag_of_an_actuator_belongs_to_the_loop() {
 }
 
 #[test]
+fn the_noise_of_a_sensor_is_no_part_of_the_loop() {
+    let rig = Rig::new();
+    let sensor = "[[sensors]]\nsignal = \"position_m\"\nnoise_sigma = 1e-5\n";
+    let report = measured(&rig, &teaching_with(&rig, sensor), TWENTY);
+    // The same seed draws the same noise in every run, and its motion is subtracted.
+    assert_loop(&report["inputs"][0], teaching, 1e-7);
+}
+
+#[test]
 fn each_time_has_the_margins_of_the_faults_then() {
     let rig = Rig::new();
     let effect = "target = \"command.force_n\"\nfactor = 0.5";

@@ -149,7 +149,7 @@ pub(super) fn margins(l: impl Fn(f64) -> Complex, gain: [f64; 2], phase: [f64; 2
         crossover_hz,
         phase_margin_deg: l(crossover_hz).phase_deg() + 180.0,
         gain_margin_db: -20.0 * libm::log10(l(phase_hz).size()),
-        disc_margin: all.map(distance).fold(f64::INFINITY, f64::min),
+        disc_margin: (all.map(distance).min_by(f64::total_cmp)).expect("frequencies"),
     }
 }
 

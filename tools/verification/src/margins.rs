@@ -25,6 +25,7 @@ use report::Report;
 use rig::Rig;
 use span::Span;
 
+mod extremes;
 mod locus;
 mod measurement;
 mod point;

@@ -2,6 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::extremes::{larger, smaller};
+
 /// Response of the open loop at a frequency.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Response {
@@ -42,7 +44,7 @@ impl Margins {
         let delay = |[frequency_hz, margin_deg]: &[f64; 2]| {
             margin_deg.rem_euclid(360.0) / (360.0 * frequency_hz)
         };
-        self.crossovers.iter().map(delay).reduce(f64::min)
+        self.crossovers.iter().map(delay).reduce(smaller)
     }
 
     /// Lists the frequencies near which the locus must be known well.
@@ -114,8 +116,8 @@ fn polish(disc: &mut [f64; 2], distance: impl Fn(f64) -> f64, locus: &[Response]
         pair[0].frequency_hz <= disc[0] * 1.000_001 && disc[0] <= pair[1].frequency_hz * 1.000_001
     });
     let width = width.map(|pair| libm::log(pair[1].frequency_hz / pair[0].frequency_hz));
-    let width = width.fold(0.0, f64::max) / f64::from(PARTS);
-    let (mut low, mut high) = ((x - width).max(ends[0]), (x + width).min(ends[1]));
+    let width = width.fold(0.0, larger) / f64::from(PARTS);
+    let (mut low, mut high) = (larger(x - width, ends[0]), smaller(x + width, ends[1]));
     for _ in 0..HALVINGS {
         let third = (high - low) / 3.0;
         if distance(low + third) < distance(high - third) {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::extremes::larger;
 use super::locus::{Margins, Response, margins};
 use super::point::{Point, size};
 use super::probe::{Complex, Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
@@ -121,7 +122,7 @@ impl Measurement<'_> {
                 half: open_loop(&half).0,
                 amplitude: output,
                 coherence,
-                own: own.fold(0.0, f64::max) / output,
+                own: own.fold(0.0, larger) / output,
             };
             points.insert(*turns, point);
         }

@@ -1,5 +1,6 @@
 //! Measured response of an open loop at one frequency.
 
+use super::extremes::larger;
 use super::probe::{Complex, WINDOWS};
 
 /// Measured response at one frequency.
@@ -22,7 +23,7 @@ impl Point {
     /// Returns the largest relative change of L from one window to another.
     pub(super) fn unsteadiness(&self) -> f64 {
         let all = self.windows.iter().map(|window| change(*window, self.l));
-        all.fold(0.0, f64::max)
+        all.fold(0.0, larger)
     }
 
     /// Returns the relative change of L at half the amplitude.

@@ -10,6 +10,7 @@ use shared_types::link::LinkError;
 use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
 
+use super::extremes::{extended, larger, smaller};
 use super::rig::Rig;
 
 /// Windows in which the response is fitted, one after another.
@@ -164,7 +165,7 @@ impl Motion {
         all.ok_or_else(|| Stop::Refused("a tone has too few samples in a turn".into()))
     }
 
-    /// Returns by which factor a command's own range of values grows from one window to the next, at least.
+    /// Returns the least factor by which the range of a command's values grows from one window to the next.
     pub(super) fn growth(&self, command: usize) -> f64 {
         let windows = self.inputs[command].chunks(self.course.period_steps as usize);
         let ranges: Vec<f64> = windows
@@ -174,7 +175,8 @@ impl Motion {
             })
             .collect();
         let ratios = ranges.windows(2).map(|pair| pair[1] / pair[0]);
-        ratios.fold(f64::INFINITY, f64::min)
+        let least = ratios.fold(f64::INFINITY, smaller);
+        if least.is_finite() { least } else { 1.0 } // a command that stood still does not grow
     }
 
     /// Returns the value at which a command stands for several steps, if that is its largest or smallest.
@@ -194,9 +196,8 @@ impl Motion {
 
 /// Returns the smallest and the largest value.
 fn ends(values: &[f64]) -> [f64; 2] {
-    (values.iter()).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], value| {
-        [low.min(*value), high.max(*value)]
-    })
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    values.iter().copied().fold(none, extended)
 }
 
 /// Sink that keeps the motion of the probes.
@@ -254,7 +255,7 @@ impl RecordSink for Series {
             return Ok(()); // the last record has no command
         }
         for (largest, input) in motion.largest.iter_mut().zip(inputs) {
-            *largest = largest.max(input.abs());
+            *largest = larger(*largest, input.abs());
         }
         let Some(since) = view.step.checked_sub(motion.course.first_step) else {
             return Ok(());

@@ -4,6 +4,7 @@ use std::fmt::Write;
 
 use serde::Serialize;
 
+use super::extremes::{extended, larger, smaller};
 use super::locus::Margins;
 use super::measurement::Measured;
 use super::point::Point;
@@ -88,7 +89,7 @@ impl Answer {
             phase_deg: libm::atan2(im, re).to_degrees(),
             amplitude: point.amplitude,
             coherence: point.coherence,
-            change: point.unsteadiness().max(point.nonlinearity()),
+            change: larger(point.unsteadiness(), point.nonlinearity()),
         }
     }
 }
@@ -126,8 +127,8 @@ impl Report {
         let figure = |of: Figure| measured.as_ref().and_then(|one| of(&one.margins));
         let interval = |of: Figure| {
             let all = measured.as_ref()?.others.iter().filter_map(of);
-            let ends = all.map(|value| [value; 2]);
-            ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
+            let mut all = all.skip_while(|value| value.is_nan());
+            all.next().map(|first| all.fold([first; 2], extended))
         };
         self.inputs.push(Input {
             command: command.into(),
@@ -157,7 +158,7 @@ impl Report {
                 one.points
                     .iter()
                     .map(|point| point.coherence)
-                    .reduce(f64::min)
+                    .reduce(smaller)
             }),
             responses: (measured.iter().flat_map(|one| &one.points))
                 .map(Answer::of)

@@ -26,7 +26,7 @@ pub(super) enum Rig {
     /// Plants and laws built into `hil`.
     BuiltIn(Box<[Description; 2]>),
     /// Programs in processes.
-    External(Arc<Binaries>, RefCell<Kept>),
+    External(Arc<Binaries>, Box<RefCell<Kept>>),
 }
 
 impl Rig {
@@ -43,7 +43,7 @@ impl Rig {
         Ok(match choices.names_one() {
             true => Self::External(
                 choices.find(interruption)?,
-                RefCell::new(Kept::new(WAIT_LIMIT_S)),
+                Box::new(RefCell::new(Kept::new(WAIT_LIMIT_S))),
             ),
             false => Self::BuiltIn(Box::new(alone::built_in())),
         })

@@ -92,8 +92,7 @@ impl Span {
     }
 
     fn turns(&self, frequency_hz: f64) -> u64 {
-        (frequency_hz * self.period_steps() as f64 / self.rate_hz)
-            .round()
-            .max(1.0) as u64
+        let turns = frequency_hz * self.period_steps() as f64 / self.rate_hz;
+        (turns.round() as u64).max(1)
     }
 }

@@ -10,6 +10,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Complex, DMatrix};
 
+use super::extremes::{extended, larger, smaller};
 use super::measurement::{Measured, response_to};
 use super::probe::{Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
 use super::span::Span;
@@ -76,9 +77,7 @@ pub(super) fn measure(
         .filter(|(margin, _)| margin.is_finite())
         .ok_or_else(|| Stop::Refused("there is no response".into()))?;
     let windows = (1..=WINDOWS).filter_map(|window| least(&|all| balanced_margin(&all[window])));
-    let interval = windows.fold([margin; 2], |[low, high], (value, _)| {
-        [low.min(value), high.max(value)]
-    });
+    let interval = windows.map(|(value, _)| value).fold([margin; 2], extended);
     Ok(Together {
         margin,
         frequency_hz: span.hz(turns),
@@ -97,7 +96,7 @@ impl Together {
 
     /// Returns the phase in degrees by which every command may change at once, each for itself.
     pub(super) fn phase_deg(&self) -> f64 {
-        2.0 * libm::asin((0.5 * self.margin).min(1.0)).to_degrees()
+        2.0 * libm::asin(smaller(0.5 * self.margin, 1.0)).to_degrees()
     }
 }
 
@@ -140,7 +139,7 @@ fn balanced_margin(s: &DMatrix<Complex<f64>>) -> f64 {
                 row += s[(i, k)].norm_sqr();
                 column += s[(k, i)].norm_sqr();
             }
-            let (row, column) = (row.sqrt().max(least), column.sqrt().max(least));
+            let (row, column) = (larger(row.sqrt(), least), larger(column.sqrt(), least));
             let factor = (column / row).sqrt();
             if factor.is_finite() && factor > 0.0 {
                 s.row_mut(i).scale_mut(factor);
