@@ -22,7 +22,7 @@ pub struct SearchCommand {
 /// The kinds of search.
 #[derive(Debug, Subcommand)]
 pub enum SearchAction {
-    /// Find the smallest fault, delay or gain that breaks a requirement
+    /// Find the smallest fault, delay or gain that breaks a requirement, or the nearest such point of several values
     #[command(after_help = "\
 Searches the ranges of the study's [[vary]], from their nominal values: one value by bisection,
 several by an evolution strategy. Writes fails.toml, a scenario that fails, and passes.toml, its
