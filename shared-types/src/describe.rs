@@ -142,6 +142,9 @@ pub struct PlantDescription {
     /// `true` if the plant's state can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
+    /// Named numbers of the state, on which trim and linearisation work; `None` if the state is bytes without names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub state: Option<Vec<Field>>,
 }
 
 impl PlantDescription {
@@ -155,6 +158,11 @@ impl PlantDescription {
                 ("truth", &self.truth, MOST_FIELDS),
                 ("measured", &self.measured, MAX_SIGNALS),
                 ("commands", &self.commands, MAX_SIGNALS),
+                (
+                    "state",
+                    self.state.as_deref().unwrap_or_default(),
+                    MOST_FIELDS,
+                ),
             ],
         )?;
         let mut kinds: BTreeSet<&str> = shared.iter().map(|f| f.kind.as_str()).collect();
@@ -326,6 +334,9 @@ pub struct LawDescription {
     /// `true` if the law's state can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
+    /// Named numbers of the state, on which trim and linearisation work; `None` if the state is bytes without names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub state: Option<Vec<Field>>,
     /// Sentence on the law's behaviour when a tunable parameter changes during a run; empty if none is tunable.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub tuning: String,
@@ -378,6 +389,11 @@ impl LawDescription {
                 ("reference", &self.reference, MAX_SIGNALS),
                 ("commands", commands, MAX_SIGNALS),
                 ("internals", &self.internals, MAX_SIGNALS),
+                (
+                    "state",
+                    self.state.as_deref().unwrap_or_default(),
+                    MOST_FIELDS,
+                ),
             ],
         )
     }

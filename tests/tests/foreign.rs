@@ -30,7 +30,7 @@ const SANITIZED: &[&str] = &[
 ];
 
 /// Returns `true` if a tool is installed; otherwise the test is reported as skipped.
-fn has(tool: &str) -> bool {
+pub(crate) fn has(tool: &str) -> bool {
     let is_there = works(&[tool, "--version"]);
     if !is_there {
         skip(&format!("there is no `{tool}`"), "HIL_TEST_CC");
@@ -44,7 +44,13 @@ fn library() -> PathBuf {
 }
 
 /// Compiles a C or C++ program with every warning as an error.
-fn compiled(rig: &Rig, compiler: &str, source: &str, name: &str, options: &[&str]) -> PathBuf {
+pub(crate) fn compiled(
+    rig: &Rig,
+    compiler: &str,
+    source: &str,
+    name: &str,
+    options: &[&str],
+) -> PathBuf {
     let built = rig.path(name);
     let mut command = Command::new(compiler);
     command.args([
@@ -349,7 +355,10 @@ fn the_structs_of_the_header_match_those_of_rust() {
         restore,
         end,
         read,
-        start_commands
+        start_commands,
+        state,
+        tell_state,
+        take_state
     );
     same!(
         text,
@@ -375,7 +384,10 @@ fn the_structs_of_the_header_match_those_of_rust() {
         save,
         restore,
         end,
-        answer
+        answer,
+        state,
+        tell_state,
+        take_state
     );
     let source = rig.write("same.c", &text);
     let mut cc = Command::new("cc");

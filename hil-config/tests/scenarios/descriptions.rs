@@ -85,6 +85,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
             ("actuator2_valve_current_a", "A"),
         ]),
         saves: false,
+        state: None,
         faults: vec![
             FaultDescription {
                 kind: "leakage".into(),
@@ -130,6 +131,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         measured: signals(&[("position_m", "m"), ("velocity_mps", "m/s")]),
         commands: signals(&[("force_n", "N")]),
         saves: false,
+        state: None,
         faults: vec![FaultDescription {
             kind: "softening".into(),
             summary: "The spring softens.".into(),
@@ -231,6 +233,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         commands: None,
         internals: Vec::new(),
         saves: false,
+        state: None,
         tuning: String::new(),
     }
 }

@@ -19,6 +19,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         commands: Some(table(&["u_m"])),
         internals: table(&["e_m"]),
         saves: false,
+        state: None,
         tuning: String::new(),
     }
 }
@@ -33,6 +34,7 @@ fn plant(name: &str) -> PlantDescription {
         commands: table(&["u_m"]),
         faults: vec![],
         saves: false,
+        state: None,
     }
 }
 

@@ -84,6 +84,7 @@ pub fn plant(name: &str, signals: usize, commands: usize) -> PlantKind {
             commands: fields("command", commands),
             faults: Vec::new(),
             saves: false,
+            state: None,
         },
         start: Box::new(|_| Ok(Box::new(NullPlant))),
     }
@@ -105,6 +106,7 @@ pub fn law(name: &str, signals: usize, commands: usize, tells_time: bool) -> Law
             commands: Some(fields("command", commands)),
             internals: tells_time.then_some(called).into_iter().collect(),
             saves: false,
+            state: None,
             tuning: String::new(),
         },
         start: Box::new(|_| Ok(Box::new(NullLaw))),

@@ -75,6 +75,7 @@ fn plant() -> PlantDescription {
         commands: vec![field("u_n", "N")],
         faults: Vec::new(),
         saves: false,
+        state: None,
     }
 }
 

@@ -39,6 +39,7 @@ pub(super) fn builder() -> FaultBuilder {
         commands: signals(&[("u_n", "N"), ("v_n", "N")]),
         faults: Vec::new(),
         saves: false,
+        state: None,
     };
     FaultBuilder::new(
         &plant,

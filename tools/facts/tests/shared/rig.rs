@@ -49,6 +49,7 @@ pub(crate) fn described() -> [Description; 2] {
         commands: None,
         internals: vec![],
         saves: false,
+        state: None,
         tuning: String::new(),
     }];
     [plant, controller]
@@ -120,6 +121,7 @@ pub(crate) fn plant() -> PlantDescription {
         measured: vec![angle],
         commands: vec![Field::signal("valve1_current_a", "A", "The current.")],
         saves: false,
+        state: None,
         faults: vec![
             own(
                 "leakage",
