@@ -24,6 +24,7 @@ use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
 use hil_facts::arguments::mark::{self, MarkArguments};
 use hil_facts::arguments::set::{self, SetArguments};
+use hil_operating_point::arguments::{self as operating_point, LineariseArguments, TrimArguments};
 use hil_verification::arguments::recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use hil_verification::arguments::replay::ReplayArguments;
 use hil_verification::arguments::run::{RerunArguments, RunArguments};
@@ -144,6 +145,12 @@ Examples:
     Describe(DescribeArguments),
     /// Check a scenario, print all its values, or print the schema
     Config(ConfigArguments),
+    /// Linearise a plant, a law or their loop at a point of a scenario
+    #[command(after_help = operating_point::LINEARISE_EXAMPLES)]
+    Linearise(LineariseArguments),
+    /// Solve for an equilibrium of a scenario, and begin there
+    #[command(after_help = operating_point::TRIM_EXAMPLES)]
+    Trim(TrimArguments),
     /// List running sessions, or clean up after dead ones
     #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
     Sessions(SessionsArguments),
@@ -181,7 +188,15 @@ The line for the startup file of a shell:
 const GROUPS: [(&str, &[&str]); 4] = [
     (
         "Run",
-        &["run", "new", "describe", "campaign", "config", "rerun"],
+        &[
+            "run",
+            "new",
+            "describe",
+            "campaign",
+            "config",
+            "linearise",
+            "rerun",
+        ],
     ),
     (
         "While a session runs",
