@@ -6,7 +6,7 @@
 use shared_types::describe::{Invalid, LawDescription, Settings};
 use shared_types::failure::Failure;
 use shared_types::quality::{Quality, SignalSet};
-use shared_types::state::{State, StateOf};
+use shared_types::state::{State, StateOf, unnamed};
 use shared_types::table::{self, Field, Table};
 
 /// A control law, called in this order:
@@ -180,6 +180,22 @@ pub trait Law {
         Err(cannot_save())
     }
 
+    /// Returns the named numbers of the present state, in the order of the description.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers.
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        Err(unnamed())
+    }
+
+    /// Sets the named numbers of the state.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers.
+    fn set_numbers(&mut self, _numbers: &[f64]) -> Result<(), Invalid> {
+        Err(unnamed())
+    }
+
     /// Applies new values of the parameters, before the step from which they are valid. Called only for a law with
     /// tunable parameters.
     fn retune(&mut self, _setup: &TunedRows<'_>, _transition: Transition) {}
@@ -273,6 +289,14 @@ impl<C: Controller> Law for C {
         C::state().ok_or_else(cannot_save)?.restore(self, state)
     }
 
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        C::state().ok_or_else(unnamed)?.numbers(self)
+    }
+
+    fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
+        C::state().ok_or_else(unnamed)?.set_numbers(self, numbers)
+    }
+
     fn retune(&mut self, setup: &TunedRows<'_>, transition: Transition) {
         if let Some(tuning) = C::tuning() {
             let setup = Setup {
@@ -347,6 +371,7 @@ impl LawKind {
                 commands: Some(C::Command::fields()),
                 internals: C::Internals::fields(),
                 saves: C::state().is_some(),
+                state: C::state().and_then(StateOf::fields),
                 tuning: (tuning.filter(|_| is_tunable))
                     .map_or_else(String::new, |tuning| tuning.does.into()),
             },
@@ -404,6 +429,7 @@ impl LawKind {
     ///     commands: Some(vec![Field::signal("torque_nm", "N m", "Torque.")]),
     ///     internals: Vec::new(),
     ///     saves: false,
+    ///     state: None,
     ///     tuning: String::new(),
     /// };
     /// let kind = LawKind::from_tables(description, |setup: &SetupRows<'_>| {

@@ -15,6 +15,7 @@ use hil_session::supervision::Supervision;
 use hil_session::waiter::Waiter;
 use shared_types::describe::Description;
 use shared_types::link::{Link, LinkError};
+use shared_types::local_map::{LocalMap, Question};
 use shared_types::lockstep::ControllerEvent;
 use shared_types::origin::Origin;
 use shared_types::realtime;
@@ -24,7 +25,7 @@ use shared_types::wait::WaitLimit;
 use crate::controller::LawKind;
 use crate::job::{JOB_FILE, Job};
 use crate::laws::hold;
-use crate::runner::{End, Progress, Runner, choose};
+use crate::runner::{End, Progress, Runner, choose, local};
 
 /// Runs a controller process that offers these laws, according to its arguments. Unless one of the laws has that
 /// name, the process also offers [`hold`], which suits every plant.
@@ -118,6 +119,15 @@ impl Program for ControllerProgram {
     fn check(&self, job: &Path) -> Result<(), String> {
         let (link, _) = shared_types::link::in_process::pair();
         self.runner(program::read_job(job)?, link).map(|_| ())
+    }
+
+    fn linearise(&self, question: &Path) -> Result<LocalMap, String> {
+        let question: Question<Job> = program::read_job(question)?;
+        let job = &question.job;
+        program::check_protocol(job.protocol)?;
+        let kind = choose(&self.laws, &job.law, &job.plant);
+        kind.and_then(|kind| local::answer(kind, &question))
+            .map_err(|invalid| invalid.to_string())
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {

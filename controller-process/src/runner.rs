@@ -486,6 +486,7 @@ fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
 
 mod answering;
 mod converted;
+pub(crate) mod local;
 mod quality;
 mod saved;
 mod tuning;

@@ -33,6 +33,7 @@ static int restore(void *self, const void *bytes) {
     return memcpy(((struct pendulum *)self)->state, bytes, sizeof(double[2])), HIL_OK;
 }
 static int measure(const void *self, double *measured) { return save(self, measured); }
+static int take_state(void *self, const double *row) { return restore(self, row); }
 static int tell_truth(const void *self, double time_s, const double *row, double *truth) {
     return (void)time_s, (void)row, save(self, truth);
 }
@@ -54,6 +55,7 @@ int main(int argc, char **argv) {
         .parameters = HIL_TABLE(parameters), .commands = HIL_TABLE(command),
         .truth = HIL_TABLE(motion), .measured = HIL_TABLE(motion), .size = sizeof(struct pendulum),
         .start = start, .retune = retune, .measure = measure, .tell_truth = tell_truth,
-        .advance = advance, .saved_size = sizeof(double[2]), .save = save, .restore = restore};
+        .advance = advance, .saved_size = sizeof(double[2]), .save = save, .restore = restore,
+        .state = HIL_TABLE(motion), .tell_state = measure, .take_state = take_state};
     return hil_plant_main(argc, argv, &plant);
 }

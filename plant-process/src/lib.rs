@@ -28,6 +28,7 @@ pub mod instruments;
 pub mod integrate;
 pub mod job;
 pub mod live;
+mod local;
 pub mod models;
 pub mod plant;
 pub(crate) mod probe;

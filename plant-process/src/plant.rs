@@ -6,7 +6,7 @@
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
 use shared_types::failure::Failure;
 use shared_types::quality::SignalSet;
-use shared_types::state::{State, StateOf};
+use shared_types::state::{State, StateOf, unnamed};
 use shared_types::table::{self, Table};
 use shared_types::time::Interval;
 
@@ -142,6 +142,22 @@ pub trait Model {
     fn restore(&mut self, _state: &State) -> Result<(), Invalid> {
         Err(cannot_save())
     }
+
+    /// Returns the named numbers of the present state, in the order of the description.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers.
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        Err(unnamed())
+    }
+
+    /// Sets the named numbers of the state.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers.
+    fn set_numbers(&mut self, _numbers: &[f64]) -> Result<(), Invalid> {
+        Err(unnamed())
+    }
 }
 
 /// Section of a scenario with a plant's parameters.
@@ -185,6 +201,14 @@ impl<P: Plant> Model for P {
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
         P::state().ok_or_else(cannot_save)?.restore(self, state)
     }
+
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        P::state().ok_or_else(unnamed)?.numbers(self)
+    }
+
+    fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
+        P::state().ok_or_else(unnamed)?.set_numbers(self, numbers)
+    }
 }
 
 /// Constructs a plant from all its parameters, given by name.
@@ -213,6 +237,7 @@ impl PlantKind {
                 faults: P::faults(),
                 saves: P::state().is_some(),
                 port: None,
+                state: P::state().and_then(StateOf::fields),
             },
             start: Box::new(|settings| {
                 let parameters = settings.to_table(SECTION)?;
@@ -279,6 +304,7 @@ impl PlantKind {
     ///     faults: Vec::new(),
     ///     saves: false,
     ///     port: None,
+    ///     state: None,
     /// };
     /// let kind = PlantKind::from_tables(description, |tau_s| {
     ///     let (tau_s, level_m) = (tau_s.to_vec(), vec![1.0; tau_s.len()]);

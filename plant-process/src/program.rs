@@ -18,6 +18,7 @@ use hil_session::supervision::Supervision;
 use hil_session::waiter::Waiter;
 use shared_types::describe::Description;
 use shared_types::link::{Link, LinkError};
+use shared_types::local_map::{LocalMap, Question};
 use shared_types::lockstep::PlantEvent;
 use shared_types::origin::Origin;
 use shared_types::realtime;
@@ -30,6 +31,7 @@ use crate::engine::{Engine, Progress};
 use crate::faults::{FaultKindEntry, kinds};
 use crate::job::{JOB_FILE, Job};
 use crate::live::{self, LiveContext};
+use crate::local;
 use crate::plant::PlantKind;
 
 /// Interval at which a held run checks for its resumption.
@@ -164,6 +166,11 @@ impl Program for PlantProgram {
     fn check(&self, job: &Path) -> Result<(), String> {
         let job: Job = program::read_job(job)?;
         check(self.kind(&job)?, &self.faults, job)
+    }
+
+    fn linearise(&self, question: &Path) -> Result<LocalMap, String> {
+        let question: Question<Job> = program::read_job(question)?;
+        local::answer(self.kind(&question.job)?, &question).map_err(|invalid| invalid.to_string())
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {

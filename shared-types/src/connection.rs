@@ -181,6 +181,7 @@ mod tests {
             commands: Some(fields(&["c_m", "d_m"])),
             internals: fields(&["e_m"]),
             saves: false,
+            state: None,
             tuning: String::new(),
         }
     }

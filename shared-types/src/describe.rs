@@ -4,14 +4,14 @@
 //! value even for an unfamiliar model. The description is JSON on standard output, and programs in any language can
 //! write it.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 
 use serde::{Deserialize, Serialize};
 
 use crate::frame::MAX_SIGNALS;
 use crate::layout::{MOST_FIELDS, Unusable, check_fields, check_title, is_line};
 use crate::origin::{Build, Origin};
-use crate::table::{Field, Table, number};
+use crate::table::Field;
 
 /// Version of the protocol between launcher, plant and controller: description, job file, control messages, frames and
 /// records. Sides of different versions refuse each other.
@@ -145,6 +145,9 @@ pub struct PlantDescription {
     /// Facts about the port behind which the plant is; `None` for a simulated plant.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub port: Option<PortPlant>,
+    /// Named numbers of the state, on which trim and linearisation work; `None` if the state is bytes without names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub state: Option<Vec<Field>>,
 }
 
 impl PlantDescription {
@@ -167,6 +170,11 @@ impl PlantDescription {
                 ("truth", &self.truth, MOST_FIELDS),
                 ("measured", &self.measured, MAX_SIGNALS),
                 ("commands", &self.commands, MAX_SIGNALS),
+                (
+                    "state",
+                    self.state.as_deref().unwrap_or_default(),
+                    MOST_FIELDS,
+                ),
             ],
         )?;
         let mut kinds: BTreeSet<&str> = shared.iter().map(|f| f.kind.as_str()).collect();
@@ -338,6 +346,9 @@ pub struct LawDescription {
     /// `true` if the law's state can be saved, so that a run can resume from a checkpoint.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub saves: bool,
+    /// Named numbers of the state, on which trim and linearisation work; `None` if the state is bytes without names.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub state: Option<Vec<Field>>,
     /// Sentence on the law's behaviour when a tunable parameter changes during a run; empty if none is tunable.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub tuning: String,
@@ -390,6 +401,11 @@ impl LawDescription {
                 ("reference", &self.reference, MAX_SIGNALS),
                 ("commands", commands, MAX_SIGNALS),
                 ("internals", &self.internals, MAX_SIGNALS),
+                (
+                    "state",
+                    self.state.as_deref().unwrap_or_default(),
+                    MOST_FIELDS,
+                ),
             ],
         )
     }
@@ -399,80 +415,6 @@ impl LawDescription {
         let is_shared = self.plants.iter().any(|plant| other.plants.contains(plant));
         let is_for_any = self.plants.is_empty() || other.plants.is_empty();
         self.name == other.name && (is_for_any || is_shared)
-    }
-}
-
-/// Named values in a job file: parameters, safe commands or fault magnitudes. Settings of a process's loop are
-/// [`realtime::Settings`](crate::realtime::Settings).
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct Settings(pub BTreeMap<String, Setting>);
-
-/// Value in a job file; infinities are written as text.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct Setting(#[serde(with = "number")] pub f64);
-
-/// Missing setting of a table's row.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("parameter `{key}` is missing from the job; a scenario sets it under this key")]
-pub struct MissingSetting {
-    /// Key in the scenario.
-    pub key: String,
-}
-
-impl From<MissingSetting> for Invalid {
-    fn from(missing: MissingSetting) -> Self {
-        Self(missing.to_string())
-    }
-}
-
-impl Settings {
-    /// Sets a value.
-    pub fn set(&mut self, name: &str, value: f64) {
-        self.0.insert(name.into(), Setting(value));
-    }
-
-    /// Returns `true` if nothing is set.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// Returns the value of a name, if set.
-    #[must_use]
-    pub fn get(&self, name: &str) -> Option<f64> {
-        self.0.get(name).map(|setting| setting.0)
-    }
-
-    /// Returns the settings of a table's row.
-    #[must_use]
-    pub fn of<T: Table>(table: &T) -> Self {
-        let mut settings = Self::default();
-        for (field, value) in T::fields().iter().zip(table.row()) {
-            settings.set(&field.name, *value);
-        }
-        settings
-    }
-
-    /// Builds the row of a table from the settings in the scenario's `section`, for example `plant.parameters`.
-    ///
-    /// # Errors
-    /// If a column of the table has no setting.
-    pub fn to_table<T: Table>(&self, section: &str) -> Result<T, MissingSetting> {
-        Ok(T::from_row(&self.row(&T::fields(), section)?))
-    }
-
-    /// Builds a row of these columns, like [`to_table`](Self::to_table).
-    ///
-    /// # Errors
-    /// If a column has no setting.
-    pub fn row(&self, fields: &[Field], section: &str) -> Result<Vec<f64>, MissingSetting> {
-        let missing = |name: &str| MissingSetting {
-            key: format!("{section}.{name}"),
-        };
-        let value = |field: &Field| self.get(&field.name).ok_or_else(|| missing(&field.name));
-        fields.iter().map(value).collect()
     }
 }
 
@@ -488,7 +430,7 @@ mod settings;
 
 pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut, LibraryNeeds};
 pub use port::PortPlant;
-pub use settings::ModelSettings;
+pub use settings::{MissingSetting, ModelSettings, Setting, Settings};
 
 #[cfg(test)]
 mod tests;

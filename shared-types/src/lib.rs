@@ -17,7 +17,8 @@
 //! - Requests: [`live`] lets another terminal talk to a session while it runs. [`tuning`] changes values during a run,
 //!   and [`directive`] carries the instructions of a timing fault to a runner.
 //! - State: a [`checkpoint`] keeps the [`state`] of both sides before a step, so that a run can resume there.
-//!   [`random`] gives each consumer of random numbers a stream of its own.
+//!   [`random`] gives each consumer of random numbers a stream of its own. A [`local_map`] is a side's map of its named
+//!   state over one period and its derivatives, which [`difference`] computes.
 //! - Names and numbers: [`spelling`] maps foreign names, such as `der(x)`, to valid ones. [`units`] parses units and
 //!   converts between those of one dimension. A [`connection`] binds a law's signal to a plant's signal of another name
 //!   and unit. [`number`] formats numbers with their units, and [`text`] makes foreign text safe to display.
@@ -34,6 +35,7 @@ pub mod checkpoint;
 pub mod conformance;
 pub mod connection;
 pub mod describe;
+pub mod difference;
 pub mod digest;
 pub mod directive;
 pub mod failure;
@@ -43,6 +45,7 @@ pub mod ignored;
 pub mod layout;
 pub mod link;
 pub mod live;
+pub mod local_map;
 pub mod lockstep;
 pub mod number;
 pub mod origin;

@@ -3,11 +3,15 @@
 //! A model declares its state once, with [`StateOf`]; engine and runner save and restore it as opaque bytes. The format
 //! is postcard's: every number keeps its bits, including those of a NaN. The bytes are not self-describing: only the
 //! binary that wrote them can read them, which the launcher ensures. An ordinary step makes no calls here.
+//!
+//! A state may also name its numbers ([`StateOf::named`]): `hil trim` and `hil linearise` work on these rows. Flags and
+//! counts stay in the bytes.
 
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::describe::Invalid;
+use crate::table::{Empty, Field, Table};
 
 /// State as bytes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,6 +56,28 @@ impl From<Vec<u8>> for State {
     }
 }
 
+/// Returns the refusal of a state whose numbers have no names.
+#[must_use]
+pub fn unnamed() -> Invalid {
+    Invalid(
+        "the state is bytes without names; it needs `StateOf::named`, in C the member `state`"
+            .into(),
+    )
+}
+
+/// Checks the number of rows of a state.
+///
+/// # Errors
+/// If there are more or fewer.
+pub fn check_count(expected: usize, actual: usize) -> Result<(), Invalid> {
+    match expected == actual {
+        true => Ok(()),
+        false => Err(Invalid(format!(
+            "the state has {expected} named numbers, but {actual} were given"
+        ))),
+    }
+}
+
 type Save<T> = Box<dyn Fn(&T) -> Result<State, Invalid>>;
 type Restore<T> = Box<dyn Fn(&mut T, &State) -> Result<(), Invalid>>;
 
@@ -76,6 +102,14 @@ type Restore<T> = Box<dyn Fn(&mut T, &State) -> Result<(), Invalid>>;
 pub struct StateOf<T> {
     save: Save<T>,
     restore: Restore<T>,
+    rows: Option<Rows<T>>,
+}
+
+/// Numbers of a state by name.
+struct Rows<T> {
+    fields: Vec<Field>,
+    numbers: Box<dyn Fn(&T) -> Vec<f64>>,
+    set: Box<dyn Fn(&mut T, &[f64])>,
 }
 
 impl<T: 'static> StateOf<T> {
@@ -91,6 +125,7 @@ impl<T: 'static> StateOf<T> {
                 restore(whole, state.read()?);
                 Ok(())
             }),
+            rows: None,
         }
     }
 
@@ -103,13 +138,75 @@ impl<T: 'static> StateOf<T> {
         Self {
             save: Box::new(move |whole| State::of(&save(whole))),
             restore: Box::new(move |whole, state| restore(whole, state.read()?)),
+            rows: None,
+        }
+    }
+
+    /// Names the numbers of the state, as the columns of a table; `numbers` reads and `set` writes them. All else in
+    /// the state keeps its value.
+    ///
+    /// ```
+    /// use shared_types::state::StateOf;
+    ///
+    /// shared_types::table! {
+    ///     /// Level of the tank.
+    ///     pub struct Level {
+    ///         /// Height of the water.
+    ///         level_m: "m",
+    ///     }
+    /// }
+    ///
+    /// struct Tank { area_m2: f64, level_m: f64 }
+    ///
+    /// let state = StateOf::new(|tank: &Tank| tank.level_m, |tank, level_m| tank.level_m = level_m)
+    ///     .named(|tank| Level { level_m: tank.level_m }, |tank, row| tank.level_m = row.level_m);
+    /// let mut tank = Tank { area_m2: 2.0, level_m: 3.5 };
+    /// state.set_numbers(&mut tank, &[1.25])?;
+    /// assert_eq!((tank.level_m, state.numbers(&tank)?), (1.25, vec![1.25]));
+    /// # Ok::<(), shared_types::describe::Invalid>(())
+    /// ```
+    #[must_use]
+    pub fn named<N: Table>(self, numbers: fn(&T) -> N, set: fn(&mut T, N)) -> Self {
+        Self {
+            rows: Some(Rows {
+                fields: N::fields(),
+                numbers: Box::new(move |whole| numbers(whole).row().to_vec()),
+                set: Box::new(move |whole, row| set(whole, N::from_row(row))),
+            }),
+            ..self
         }
     }
 
     /// Declares that there is no state: everything follows from parameters and the step number.
     #[must_use]
     pub fn none() -> Self {
-        Self::new(|_| (), |_, ()| ())
+        Self::new(|_| (), |_, ()| ()).named(|_| Empty {}, |_, Empty {}| ())
+    }
+
+    /// Returns the names of the state's numbers; `None` if the state does not name them.
+    #[must_use]
+    pub fn fields(self) -> Option<Vec<Field>> {
+        self.rows.map(|rows| rows.fields)
+    }
+
+    /// Returns the named numbers of the present state.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers.
+    pub fn numbers(&self, whole: &T) -> Result<Vec<f64>, Invalid> {
+        let rows = self.rows.as_ref().ok_or_else(unnamed)?;
+        Ok((rows.numbers)(whole))
+    }
+
+    /// Sets the named numbers of the state.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers, or names another count of them.
+    pub fn set_numbers(&self, whole: &mut T, numbers: &[f64]) -> Result<(), Invalid> {
+        let rows = self.rows.as_ref().ok_or_else(unnamed)?;
+        check_count(rows.fields.len(), numbers.len())?;
+        (rows.set)(whole, numbers);
+        Ok(())
     }
 
     /// Saves the present state.

@@ -14,7 +14,7 @@ use crate::support::programs::{shipped, workspace};
 
 /// Packages in order, each with its permitted dependencies for builds and for tests. The controller, which runs on
 /// targets, knows neither simulator nor scenario.
-const ARROWS: [(&str, &[&str], &[&str]); 22] = [
+const ARROWS: [(&str, &[&str], &[&str]); 23] = [
     ("hil-origin", &[], &[]),
     ("shared-types", &[], &[]),
     ("hil-session", &["shared-types"], &[]),
@@ -143,6 +143,20 @@ const ARROWS: [(&str, &[&str], &[&str]); 22] = [
         &[],
     ),
     (
+        "hil-operating-point",
+        &[
+            "shared-types",
+            "hil-config",
+            "plant-process",
+            "controller-process",
+            "hil-recording",
+            "hil-console",
+            "hil-facts",
+            "hil-run",
+        ],
+        &[],
+    ),
+    (
         "hil-views",
         &[
             "shared-types",
@@ -185,6 +199,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 22] = [
             "hil-run",
             "hil-benchmark",
             "hil-verification",
+            "hil-operating-point",
             "hil-views",
             "hil-campaign",
         ],

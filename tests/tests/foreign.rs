@@ -355,7 +355,10 @@ fn the_structs_of_the_header_match_those_of_rust() {
         restore,
         end,
         read,
-        start_commands
+        start_commands,
+        state,
+        tell_state,
+        take_state
     );
     same!(
         text,
@@ -381,7 +384,10 @@ fn the_structs_of_the_header_match_those_of_rust() {
         save,
         restore,
         end,
-        answer
+        answer,
+        state,
+        tell_state,
+        take_state
     );
     let source = rig.write("same.c", &text);
     let mut cc = Command::new("cc");

@@ -40,6 +40,7 @@
 //! | [`latency`] | every figure of a loop counts the right steps and is consistent with the others |
 //! | [`layouts`] | layouts for Foxglove and PlotJuggler plot signals that are recorded |
 //! | [`lies`] | false statements of a peer are detected and end the run by name |
+//! | [`linearise`] | linear models against closed forms and an independent program, and refusals by name |
 //! | [`live`] | faults and pauses from another terminal |
 //! | [`margins`] | margins of running loops, against closed forms and python-control |
 //! | [`marks`] | notes at a step of a running session |
@@ -67,6 +68,7 @@
 //! | [`survival`] | every law with every kind of fault |
 //! | [`tables`] | the compiler names each mistake in a `table!` and points at its row |
 //! | [`target`] | the controller on another machine: the same digest, whatever the network does |
+//! | [`trim`] | equilibria against closed forms, kept by runs that begin there, and refusals by name |
 //! | [`tuning`] | changes of values in a running session: at one step, all or none, and repeatable |
 //! | [`validity`] | invalid and old signals, from the plant's sensor and the law's command to the verdict |
 //! | [`values`] | `hil get` and `hil watch` against the recording of the session |
@@ -146,6 +148,7 @@ mod lasting;
 mod latency;
 mod layouts;
 mod lies;
+mod linearise;
 mod live;
 mod margins;
 mod marks;
@@ -181,6 +184,7 @@ mod support;
 mod survival;
 mod tables;
 mod target;
+mod trim;
 mod tuning;
 mod validity;
 mod values;

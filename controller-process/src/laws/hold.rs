@@ -8,7 +8,7 @@
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
-use shared_types::state::State;
+use shared_types::state::{State, check_count};
 use shared_types::table::{Field, Table};
 
 use super::transfer::Transfer;
@@ -78,6 +78,15 @@ impl Law for Hold {
         Ok(())
     }
 
+    /// Returns nothing: the last commands matter only while a changed value is on its way.
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        Ok(Vec::new())
+    }
+
+    fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
+        check_count(0, numbers.len())
+    }
+
     fn retune(&mut self, setup: &TunedRows<'_>, transition: Transition) {
         // Not a number while the scenario's omission stands.
         let value = Some(Parameters::from_row(setup.parameters).value);
@@ -115,6 +124,7 @@ pub fn kind() -> LawKind {
             commands: None,
             internals: Vec::new(),
             saves: true,
+            state: Some(Vec::new()),
             tuning: "The commands go from the old value to the new one in a straight line within 0.1 s after a jump.".into(),
         },
         start: Box::new(start),

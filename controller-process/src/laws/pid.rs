@@ -93,6 +93,18 @@ impl Pid {
         self.former = None;
     }
 
+    /// Returns the integral and the last error, 0 before the first sample.
+    #[must_use]
+    pub fn numbers(&self) -> [f64; 2] {
+        [self.state.integral, self.state.last_error.unwrap_or(0.0)]
+    }
+
+    /// Sets the integral and the last error.
+    pub const fn set_numbers(&mut self, [integral, last_error]: [f64; 2]) {
+        self.state.integral = integral;
+        self.state.last_error = Some(last_error);
+    }
+
     /// Returns the command that answers an error.
     pub fn update(&mut self, error: f64) -> f64 {
         if self.former.is_some() || self.state.changed {

@@ -28,7 +28,7 @@ pub(super) struct SavedController {
     last: Option<Step>,
     /// Answered samples, encoded as on the wire.
     answered: u64,
-    tuning: SavedTuning,
+    pub(super) tuning: SavedTuning,
 }
 
 impl Bound {

@@ -59,7 +59,8 @@ impl Plant for Pendulum {
     // State that a checkpoint keeps for `hil run --from`; a plant without this function still runs.
     fn state() -> Option<StateOf<Self>> {
         let state = StateOf::new(|plant: &Self| plant.state, |plant, x| plant.state = x);
-        Some(state)
+        let set = |plant: &mut Self, row: Motion| plant.state = [row.angle_rad, row.rate_radps];
+        Some(state.named(Plant::measure, set))
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {

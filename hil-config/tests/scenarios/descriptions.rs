@@ -86,6 +86,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         ]),
         saves: false,
         port: None,
+        state: None,
         faults: vec![
             FaultDescription {
                 kind: "leakage".into(),
@@ -132,6 +133,7 @@ pub(crate) fn plants() -> Vec<PlantDescription> {
         commands: signals(&[("force_n", "N")]),
         saves: false,
         port: None,
+        state: None,
         faults: vec![FaultDescription {
             kind: "softening".into(),
             summary: "The spring softens.".into(),
@@ -233,6 +235,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         commands: None,
         internals: Vec::new(),
         saves: false,
+        state: None,
         tuning: String::new(),
     }
 }

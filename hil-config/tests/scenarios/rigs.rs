@@ -44,6 +44,7 @@ fn plant() -> PlantDescription {
         commands: vec![safe_force],
         faults: Vec::new(),
         saves: false,
+        state: None,
         port: Some(PortPlant::default()),
     }
 }
@@ -60,6 +61,7 @@ fn law() -> LawDescription {
         commands: None,
         internals: Vec::new(),
         saves: false,
+        state: None,
         tuning: String::new(),
     }
 }

@@ -131,7 +131,10 @@ impl Plant for SpringMass {
 
     fn state() -> Option<StateOf<Self>> {
         let state = StateOf::new(|plant: &Self| plant.state, |plant, x| plant.state = x);
-        Some(state)
+        // The sensors read the whole state.
+        let set =
+            |plant: &mut Self, row: Measured| plant.state = [row.position_m, row.velocity_mps];
+        Some(state.named(Plant::measure, set))
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {

@@ -13,6 +13,7 @@ use std::thread::Builder;
 use clap::Parser;
 use nix::sys::signal::{SigSet, SigmaskHow};
 use rustix::process::{Resource, getrlimit};
+use serde::Serialize;
 
 use crate::link::iceoryx::IceoryxLink;
 use crate::manual_start;
@@ -21,6 +22,7 @@ use crate::supervision::Supervision;
 use crate::waiter::Waiter;
 use shared_types::describe::{Description, PROTOCOL};
 use shared_types::link::LinkError;
+use shared_types::local_map::LocalMap;
 use shared_types::side::Side;
 use shared_types::text;
 use shared_types::wait::WaitLimit;
@@ -57,6 +59,14 @@ pub trait Program {
     /// The reason why the job cannot be run.
     fn check(&self, job: &Path) -> Result<(), String>;
 
+    /// Answers a question file for `--linearise` with the side's map at a point.
+    ///
+    /// # Errors
+    /// The reason why there is no linear model.
+    fn linearise(&self, _question: &Path) -> Result<LocalMap, String> {
+        Err("this program has no linear model".into())
+    }
+
     /// Runs the job of a session to its end and returns the exit code.
     ///
     /// # Errors
@@ -74,8 +84,11 @@ struct Arguments {
     /// Read a job file and say whether its parameters go together
     #[arg(long, value_name = "JOB.json", conflicts_with = "session")]
     check: Option<PathBuf>,
+    /// Read a question file and print as JSON the linear model of this side at a point
+    #[arg(long, value_name = "QUESTION.json", conflicts_with_all = ["describe", "check", "session"])]
+    linearise: Option<PathBuf>,
     /// Run the job in a session's folder
-    #[arg(long, value_name = "FOLDER", required_unless_present_any = ["describe", "check"])]
+    #[arg(long, value_name = "FOLDER", required_unless_present_any = ["describe", "check", "linearise"])]
     session: Option<PathBuf>,
     /// Take the place in it that hil run --controller external or --plant external keeps
     #[arg(long, requires = "session")]
@@ -128,12 +141,15 @@ pub fn answer(program: &impl Program, arguments: impl IntoIterator<Item = OsStri
     let arguments = Arguments::parse_from(arguments);
     let (result, otherwise) = if let Some(path) = arguments.check {
         (program.check(&path).map(|()| COMPLETED), UNUSABLE)
+    } else if let Some(path) = arguments.linearise {
+        let map = program.linearise(&path);
+        (map.and_then(|map| print(&map)), UNUSABLE)
     } else if let Some(folder) = arguments.session.as_ref().filter(|_| arguments.by_hand) {
         (serve_by_hand(program, folder), UNUSABLE)
     } else if let Some(folder) = arguments.session {
         (serve(program, &folder), FAILED)
     } else {
-        (describe(program), FAILED)
+        (print(&program.description()), FAILED)
     };
     result.unwrap_or_else(|reason| {
         say(&format!("error: {reason}"));
@@ -141,8 +157,9 @@ pub fn answer(program: &impl Program, arguments: impl IntoIterator<Item = OsStri
     })
 }
 
-fn describe(program: &impl Program) -> Result<u8, String> {
-    let text = serde_json::to_string_pretty(&program.description()).map_err(|e| e.to_string())?;
+/// Prints an answer as JSON.
+fn print(answer: &impl Serialize) -> Result<u8, String> {
+    let text = serde_json::to_string_pretty(answer).map_err(|e| e.to_string())?;
     match writeln!(std::io::stdout(), "{text}") {
         // A reader that stops early, such as `head`.
         Err(error) if error.kind() == ErrorKind::BrokenPipe => Ok(COMPLETED),

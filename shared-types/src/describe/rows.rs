@@ -19,6 +19,7 @@ impl PlantDescription {
             ("truth", &self.truth),
             ("measured", &self.measured),
             ("commands", &without_starts(&self.commands)),
+            ("state", &self.state.clone().unwrap_or_default()),
         ] {
             check_signals(table, &whose, fields)?;
         }
@@ -42,6 +43,7 @@ impl LawDescription {
             ("reference", &self.reference),
             ("commands", self.commands.as_deref().unwrap_or_default()),
             ("internals", &self.internals),
+            ("state", self.state.as_deref().unwrap_or_default()),
         ] {
             check_signals(table, &whose, fields)?;
         }
@@ -145,6 +147,7 @@ mod tests {
             faults: Vec::new(),
             saves: false,
             port: None,
+            state: None,
         }
     }
 
@@ -160,6 +163,7 @@ mod tests {
             commands: None,
             internals: Vec::new(),
             saves: false,
+            state: None,
             tuning: String::new(),
         }
     }

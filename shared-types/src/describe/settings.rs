@@ -1,12 +1,89 @@
-//! Settings of an imported model, such as an FMU, applied when an instance of it is created.
+//! Settings in a job: named values, and those of an imported model, such as an FMU, which are applied when an instance
+//! of it is created.
 //!
-//! Read from a scenario without knowledge of the model; the program that runs the model checks names and values.
+//! Those of a model are read from a scenario without knowledge of the model; the program that runs the model checks
+//! names and values.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
 use super::Invalid;
+use crate::table::{Field, Table, number};
+
+/// Named values in a job file: parameters, safe commands or fault magnitudes. Settings of a process's loop are
+/// [`realtime::Settings`](crate::realtime::Settings).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Settings(pub BTreeMap<String, Setting>);
+
+/// Value in a job file; infinities are written as text.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Setting(#[serde(with = "number")] pub f64);
+
+/// Missing setting of a table's row.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("parameter `{key}` is missing from the job; a scenario sets it under this key")]
+pub struct MissingSetting {
+    /// Key in the scenario.
+    pub key: String,
+}
+
+impl From<MissingSetting> for Invalid {
+    fn from(missing: MissingSetting) -> Self {
+        Self(missing.to_string())
+    }
+}
+
+impl Settings {
+    /// Sets a value.
+    pub fn set(&mut self, name: &str, value: f64) {
+        self.0.insert(name.into(), Setting(value));
+    }
+
+    /// Returns `true` if nothing is set.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Returns the value of a name, if set.
+    #[must_use]
+    pub fn get(&self, name: &str) -> Option<f64> {
+        self.0.get(name).map(|setting| setting.0)
+    }
+
+    /// Returns the settings of a table's row.
+    #[must_use]
+    pub fn of<T: Table>(table: &T) -> Self {
+        let mut settings = Self::default();
+        for (field, value) in T::fields().iter().zip(table.row()) {
+            settings.set(&field.name, *value);
+        }
+        settings
+    }
+
+    /// Builds the row of a table from the settings in the scenario's `section`, for example `plant.parameters`.
+    ///
+    /// # Errors
+    /// If a column of the table has no setting.
+    pub fn to_table<T: Table>(&self, section: &str) -> Result<T, MissingSetting> {
+        Ok(T::from_row(&self.row(&T::fields(), section)?))
+    }
+
+    /// Builds a row of these columns, like [`to_table`](Self::to_table).
+    ///
+    /// # Errors
+    /// If a column has no setting.
+    pub fn row(&self, fields: &[Field], section: &str) -> Result<Vec<f64>, MissingSetting> {
+        let missing = |name: &str| MissingSetting {
+            key: format!("{section}.{name}"),
+        };
+        let value = |field: &Field| self.get(&field.name).ok_or_else(|| missing(&field.name));
+        fields.iter().map(value).collect()
+    }
+}
 
 /// Settings of an imported model, for one side.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

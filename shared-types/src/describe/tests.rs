@@ -19,6 +19,7 @@ fn law(name: &str, plants: &[&str]) -> LawDescription {
         commands: Some(table(&["u_m"])),
         internals: table(&["e_m"]),
         saves: false,
+        state: None,
         tuning: String::new(),
     }
 }
@@ -34,6 +35,7 @@ fn plant(name: &str) -> PlantDescription {
         faults: vec![],
         saves: false,
         port: None,
+        state: None,
     }
 }
 

@@ -101,6 +101,7 @@ fn a_hello_that_differs_from_the_description_is_refused() {
             commands: greeting.commands.clone(),
             internals: greeting.internals.clone(),
             saves: false,
+            state: None,
             tuning: String::new(),
         };
         change(&mut law);

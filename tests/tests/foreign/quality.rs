@@ -32,7 +32,7 @@ fn a_gap_in_c_has_the_digest_of_the_one_in_rust() {
 }
 
 #[test]
-fn a_program_compiled_with_version_1_of_the_header_goes_on_to_work() {
+fn programs_compiled_with_older_versions_of_the_header_go_on_to_work() {
     if !has("cc") {
         return;
     }
@@ -57,8 +57,17 @@ fn a_program_compiled_with_version_1_of_the_header_goes_on_to_work() {
     };
     let [plant, law] = programs("now", |text, _, _| text);
     let expected = run_of(&rig, PENDULUM, &plant, &law).digest();
-    let [plant, law] = programs("then", of_version_1);
-    assert_eq!(run_of(&rig, PENDULUM, &plant, &law).digest(), expected);
+    for (name, older) in [
+        (
+            "version-1",
+            of_version_1 as fn(String, &str, &str) -> String,
+        ),
+        ("version-2", of_version_2),
+    ] {
+        let [plant, law] = programs(name, older);
+        let digest = run_of(&rig, PENDULUM, &plant, &law).digest();
+        assert_eq!(digest, expected, "{name}");
+    }
 }
 
 /// Options for a program that casts a number to a function.
@@ -67,7 +76,17 @@ const NO_PEDANTRY: &[&str] = &["-Wno-pedantic"];
 /// Changes a program to version 1 of the header, which promises nothing behind `end`: whatever is there must not be
 /// called.
 fn of_version_1(text: String, callback: &str, last: &str) -> String {
-    let text = text.replace("HIL_API", "1u");
+    with_beyond(&text, "1u", callback, last)
+}
+
+/// Changes a program to version 2 of the header, which promises nothing behind `answer` and `start_commands`.
+fn of_version_2(text: String, _callback: &str, last: &str) -> String {
+    let text = text.replace(".tell_state = measure", ".tell_state = 0");
+    with_beyond(&text, "2u", "tell_state", last)
+}
+
+fn with_beyond(text: &str, version: &str, callback: &str, last: &str) -> String {
+    let text = text.replace("HIL_API", version);
     let beyond = format!("{last}, .{callback} = (void *)1");
     assert!(text.contains(last), "{text}");
     text.replacen(last, &beyond, 1)

@@ -85,6 +85,7 @@ pub fn plant(name: &str, signals: usize, commands: usize) -> PlantKind {
             faults: Vec::new(),
             saves: false,
             port: None,
+            state: None,
         },
         start: Box::new(|_| Ok(Box::new(NullPlant))),
     }
@@ -106,6 +107,7 @@ pub fn law(name: &str, signals: usize, commands: usize, tells_time: bool) -> Law
             commands: Some(fields("command", commands)),
             internals: tells_time.then_some(called).into_iter().collect(),
             saves: false,
+            state: None,
             tuning: String::new(),
         },
         start: Box::new(|_| Ok(Box::new(NullLaw))),

@@ -50,8 +50,9 @@ extern "C" {
 #endif
 
 /* Version of this header, for the member `api`. A library of an older version refuses the program; programs compiled
- * with version 1, whose structs end before `read` and `answer`, go on to work. */
-#define HIL_API 2u
+ * with version 1, whose structs end before `read` and `answer`, and with version 2, whose structs end before `state`, go
+ * on to work. */
+#define HIL_API 3u
 
 /* Tables. */
 
@@ -133,6 +134,11 @@ typedef struct hil_plant {
     /* Start value of each command, NAN where there is none; may be NULL. A scenario names it in [plant.inputs], as
      * T_AMB = "start", for an input that no law commands, and the law `hold` begins with it. */
     const double *start_commands;
+    /* Names of the numbers of the state, for `hil trim` and `hil linearise`; all three or none, and only with `save`.
+     * What is no number, as a flag or a count, stays as `restore` left it. */
+    hil_signals state;
+    int (*tell_state)(const void *self, double *numbers);
+    int (*take_state)(void *self, const double *numbers);
 } hil_plant;
 
 /* `int main(int argc, char **argv) { return hil_plant_main(argc, argv, &plant); }` */
@@ -185,6 +191,10 @@ typedef struct hil_controller {
      * other number the plant keeps what it last applied of that command, and its value does not matter. */
     int (*answer)(void *self, const hil_sample *sample, const hil_quality *quality, double *command, double *internals,
                   uint8_t *held);
+    /* As of a plant. */
+    hil_signals state;
+    int (*tell_state)(const void *self, double *numbers);
+    int (*take_state)(void *self, const double *numbers);
 } hil_controller;
 
 int hil_controller_main(int argc, char **argv, const hil_controller *controller);

@@ -11,6 +11,7 @@
 //! | [`hil_views`] | monitor, panel, get and watch, report, export, layout, and the selection of their plots |
 //! | [`hil_verification`] | compare, baselines, judge, replay, rerun, audit, suite: correctness and reproducibility
 //! |
+//! | [`hil_operating_point`] | trim and linearise: equilibria and linear models of plants, laws and loops |
 //! | [`hil_benchmark`] | the measurements of `hil latency` |
 //! | [`hil_run`] | one run: processes, recorder, real-time settings, controller swaps |
 //! | [`hil_doctor`] | checks of the machine |

@@ -75,6 +75,7 @@ pub fn description(port: &Port) -> LawDescription {
         commands: Some(port.table(Carries::Command).fields(SignalKind::Command)),
         internals: Vec::new(),
         saves: false,
+        state: None,
         tuning: String::new(),
     }
 }

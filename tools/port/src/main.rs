@@ -17,6 +17,7 @@ use hil_session::program::{self, CHECKED, Program, UNUSABLE};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
 use shared_types::describe::Description;
+use shared_types::local_map::LocalMap;
 use shared_types::side::Side;
 
 const NAME: &str = "hil-port";
@@ -102,6 +103,10 @@ impl<P: Program> Program for PortProgram<P> {
         // A host says so, because a model could end its process.
         println!("{CHECKED}");
         Ok(())
+    }
+
+    fn linearise(&self, _question: &Path) -> Result<LocalMap, String> {
+        Err("the law is behind the port, so its state is unknown and it has no linear model".into())
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {

@@ -3,6 +3,7 @@
 
 use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
+use shared_types::table::Table;
 
 use super::adaptation::{AdaptationGains, LeakageEstimate};
 use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
@@ -47,6 +48,21 @@ fn gains(own: &Parameters) -> Gains {
     }
 }
 
+shared_types::table! {
+    /// Numbers that the law keeps from sample to sample. The bound of the Lyapunov function depends on the count of
+    /// samples, which is no number of the state.
+    pub struct StateRow {
+        /// Velocity of piston 1 at the last sample.
+        actuator1_last_velocity_mps: "m/s",
+        /// Velocity of piston 2 at the last sample.
+        actuator2_last_velocity_mps: "m/s",
+        /// Estimate of the leakage coefficient of actuator 1.
+        leakage_estimate1_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)",
+        /// Estimate of the leakage coefficient of actuator 2.
+        leakage_estimate2_m3ps_per_sqrt_pa: "m3/s/sqrt(Pa)",
+    }
+}
+
 impl Controller for Ftsc {
     const NAME: &'static str = "ftsc";
     const SUMMARY: &'static str =
@@ -60,9 +76,24 @@ impl Controller for Ftsc {
     type Internals = Internals;
 
     fn state() -> Option<StateOf<Self>> {
-        Some(StateOf::new(
+        let state = StateOf::new(
             |law: &Self| law.0.state(),
             |law, state| law.0.restore(state),
+        );
+        Some(state.named(
+            |law| {
+                StateRow::from_row([law.0.last_velocities_mps(), law.0.estimates()].as_flattened())
+            },
+            |law, row: StateRow| {
+                law.0.set_last_velocities_mps([
+                    row.actuator1_last_velocity_mps,
+                    row.actuator2_last_velocity_mps,
+                ]);
+                law.0.set_estimates([
+                    row.leakage_estimate1_m3ps_per_sqrt_pa,
+                    row.leakage_estimate2_m3ps_per_sqrt_pa,
+                ]);
+            },
         ))
     }
 

@@ -155,6 +155,30 @@ impl Backstepping {
         }
     }
 
+    /// Returns the last velocities of the pistons, 0 before the first sample.
+    #[must_use]
+    pub fn last_velocities_mps(&self) -> [f64; 2] {
+        self.velocity.last_mps.unwrap_or_else(Vector2::zeros).into()
+    }
+
+    /// Sets the last velocities of the pistons.
+    pub fn set_last_velocities_mps(&mut self, velocities_mps: [f64; 2]) {
+        self.velocity.last_mps = Some(velocities_mps.into());
+    }
+
+    /// Returns the estimates of the leakage, 0 without an estimate.
+    #[must_use]
+    pub fn estimates(&self) -> [f64; 2] {
+        self.theta_hat().into()
+    }
+
+    /// Sets the estimates of the leakage, if the law has any.
+    pub fn set_estimates(&mut self, estimates: [f64; 2]) {
+        if let Some(estimate) = &mut self.estimate {
+            estimate.restore(estimates.into());
+        }
+    }
+
     /// Restores a saved state.
     pub fn restore(&mut self, state: LawState) {
         self.velocity = VelocityHistory {

@@ -2,6 +2,7 @@
 
 use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
+use shared_types::table::Table;
 
 use super::gains::{ComponentGains, Gains, Output, Performance, TrajectoryGains};
 use super::law::{Backstepping, TUNING};
@@ -41,6 +42,17 @@ fn gains(own: &Parameters) -> Gains {
     }
 }
 
+shared_types::table! {
+    /// Numbers that the law keeps from sample to sample. The bound of the Lyapunov function depends on the count of
+    /// samples, which is no number of the state.
+    pub struct StateRow {
+        /// Velocity of piston 1 at the last sample.
+        actuator1_last_velocity_mps: "m/s",
+        /// Velocity of piston 2 at the last sample.
+        actuator2_last_velocity_mps: "m/s",
+    }
+}
+
 impl Controller for Nrsc {
     const NAME: &'static str = "nrsc";
     const SUMMARY: &'static str =
@@ -54,9 +66,18 @@ impl Controller for Nrsc {
     type Internals = Internals;
 
     fn state() -> Option<StateOf<Self>> {
-        Some(StateOf::new(
+        let state = StateOf::new(
             |law: &Self| law.0.state(),
             |law, state| law.0.restore(state),
+        );
+        Some(state.named(
+            |law| StateRow::from_row(&law.0.last_velocities_mps()),
+            |law, row: StateRow| {
+                law.0.set_last_velocities_mps([
+                    row.actuator1_last_velocity_mps,
+                    row.actuator2_last_velocity_mps,
+                ]);
+            },
         ))
     }
 

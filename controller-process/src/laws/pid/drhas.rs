@@ -5,7 +5,7 @@
 
 use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
-use shared_types::table::Empty;
+use shared_types::table::{Empty, Table};
 
 use super::{Gains, Pid, TUNING};
 use crate::controller::{Controller, Sample, Setup, Tuning};
@@ -70,6 +70,20 @@ shared_types::table! {
     }
 }
 
+shared_types::table! {
+    /// Numbers that the law keeps from sample to sample.
+    pub struct StateRow {
+        /// Integral of the error of piston 1.
+        actuator1_error_integral_m_s: "m s",
+        /// Error of piston 1 at the last sample.
+        actuator1_last_error_m: "m",
+        /// Integral of the error of piston 2.
+        actuator2_error_integral_m_s: "m s",
+        /// Error of piston 2 at the last sample.
+        actuator2_last_error_m: "m",
+    }
+}
+
 /// The law.
 #[derive(Clone, Copy, Debug)]
 pub struct ActuatorPid {
@@ -99,11 +113,19 @@ impl Controller for ActuatorPid {
     type Internals = Empty;
 
     fn state() -> Option<StateOf<Self>> {
-        Some(StateOf::new(
+        let state = StateOf::new(
             |law: &Self| law.loops.map(|pid| pid.state()),
             |law, states| {
                 for (pid, state) in law.loops.iter_mut().zip(states) {
                     pid.restore(state);
+                }
+            },
+        );
+        Some(state.named(
+            |law| StateRow::from_row(law.loops.map(|pid| pid.numbers()).as_flattened()),
+            |law, row: StateRow| {
+                for (pid, own) in law.loops.iter_mut().zip(row.row().chunks_exact(2)) {
+                    pid.set_numbers([own[0], own[1]]);
                 }
             },
         ))

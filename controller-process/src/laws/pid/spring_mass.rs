@@ -5,7 +5,7 @@
 
 use shared_types::describe::Invalid;
 use shared_types::state::StateOf;
-use shared_types::table::Empty;
+use shared_types::table::{Empty, Table};
 
 use super::{Gains, Pid, TUNING};
 use crate::controller::{Controller, Sample, Setup, Tuning};
@@ -49,6 +49,16 @@ shared_types::table! {
     }
 }
 
+shared_types::table! {
+    /// Numbers that the law keeps from sample to sample.
+    pub struct StateRow {
+        /// Integral of the error.
+        error_integral_m_s: "m s",
+        /// Error at the last sample.
+        last_error_m: "m",
+    }
+}
+
 /// The law.
 #[derive(Clone, Copy, Debug)]
 pub struct ForcePid {
@@ -76,9 +86,19 @@ impl Controller for ForcePid {
     type Internals = Empty;
 
     fn state() -> Option<StateOf<Self>> {
-        Some(StateOf::new(
+        let state = StateOf::new(
             |law: &Self| law.pid.state(),
             |law, state| law.pid.restore(state),
+        );
+        Some(state.named(
+            |law| StateRow::from_row(&law.pid.numbers()),
+            |law,
+             StateRow {
+                 error_integral_m_s,
+                 last_error_m,
+             }| {
+                law.pid.set_numbers([error_integral_m_s, last_error_m]);
+            },
         ))
     }
 

@@ -76,6 +76,7 @@ fn plant() -> PlantDescription {
         faults: Vec::new(),
         saves: false,
         port: None,
+        state: None,
     }
 }
 

@@ -40,6 +40,7 @@ pub(super) fn builder() -> FaultBuilder {
         faults: Vec::new(),
         saves: false,
         port: None,
+        state: None,
     };
     FaultBuilder::new(
         &plant,

@@ -32,6 +32,7 @@ pub mod leakage;
 pub mod pair;
 mod rates;
 pub mod spool;
+mod state_row;
 pub mod surface;
 pub mod tables;
 pub mod valve;
@@ -50,6 +51,7 @@ use self::actuators::{ActuatorStates, Actuators};
 use self::pair::Pair;
 use self::rates::{Inputs, Motion, is_beyond_paper, rates};
 use self::spool::Spool;
+use self::state_row::StateRow;
 pub use self::tables::{
     ActuatorParameters, Command, Measured, Parameters, SurfaceParameters, Truth,
 };
@@ -286,10 +288,11 @@ impl Plant for Drhas {
     }
 
     fn state() -> Option<StateOf<Self>> {
-        Some(StateOf::new(
+        let state = StateOf::new(
             |plant: &Self| (plant.state, plant.spools),
             |plant, (state, spools)| (plant.state, plant.spools) = (state, spools),
-        ))
+        );
+        Some(state.named(StateRow::of, StateRow::restore))
     }
 
     fn start(parameters: &Parameters) -> Result<Self, Invalid> {

@@ -34,7 +34,7 @@ pub enum Failure {
     /// Wrong usage or configuration; nothing was started.
     #[error("{0}")]
     Usage(String),
-    /// Runs that must be equal differ.
+    /// Runs that must be equal differ, or the requested figure does not exist.
     #[error("error: {0}")]
     Differ(String),
     /// The user interrupted the command.

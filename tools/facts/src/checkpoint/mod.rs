@@ -264,6 +264,29 @@ pub fn note(folder: &Path, check: &Check) -> Result<(), Failure> {
     part_file::write_text(&folder.join(FILE), &(json + "\n"))
 }
 
+/// Replaces the state of a side in a checkpoint by another that the same program wrote; the checkpoint is then unchecked
+/// for this reason.
+///
+/// # Errors
+/// If a file cannot be read or written.
+pub fn replace(folder: &Path, side: Side, state: &Path, reason: &str) -> Result<(), Failure> {
+    let mut checkpoint = past::read(folder)?;
+    let cannot = |error: std::io::Error| {
+        let target = folder.display();
+        Failure::infrastructure(format!("cannot replace the state in {target}: {error}"))
+    };
+    let content = fs::read(state).map_err(cannot)?;
+    let saved = match side {
+        Side::Plant => &mut checkpoint.plant,
+        Side::Controller => &mut checkpoint.controller,
+    };
+    saved.blake3 = blake3::hash(&content).to_hex().to_string();
+    fs::write(folder.join(&saved.file), &content).map_err(cannot)?;
+    checkpoint.check = Some(Check::missing(reason));
+    let json = serde_json::to_string_pretty(&checkpoint).map_err(Failure::infrastructure)?;
+    part_file::write_text(&folder.join(FILE), &(json + "\n"))
+}
+
 fn hash(text: &str) -> String {
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }

@@ -33,6 +33,7 @@ pub(crate) mod beside_desk;
 mod choices;
 mod file;
 pub mod host;
+mod local_map;
 pub mod named;
 pub mod reached;
 pub mod seal;

@@ -49,6 +49,7 @@ pub(crate) fn described() -> [Description; 2] {
         commands: None,
         internals: vec![],
         saves: false,
+        state: None,
         tuning: String::new(),
     }];
     [plant, controller]
@@ -121,6 +122,7 @@ pub(crate) fn plant() -> PlantDescription {
         commands: vec![Field::signal("valve1_current_a", "A", "The current.")],
         saves: false,
         port: None,
+        state: None,
         faults: vec![
             own(
                 "leakage",

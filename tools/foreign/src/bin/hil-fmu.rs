@@ -16,6 +16,7 @@ use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
 use plant_process::job::Job;
 use shared_types::describe::{Description, Imported, ModelSettings};
+use shared_types::local_map::LocalMap;
 use shared_types::side::Side;
 use shared_types::time::Step;
 
@@ -143,6 +144,10 @@ impl<P: Program> Program for Described<'_, P> {
         self.inner.check(job)?;
         end_trial();
         Ok(())
+    }
+
+    fn linearise(&self, _question: &Path) -> Result<LocalMap, String> {
+        Err("the state of an FMU is bytes without names, so it has no linear model here".into())
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {

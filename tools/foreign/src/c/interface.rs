@@ -3,9 +3,11 @@
 use std::ffi::{c_char, c_int, c_uint, c_void};
 
 /// `HIL_API`: version of the header.
-pub const API: u32 = 2;
+pub const API: u32 = 3;
 /// Version whose structs end before `read` and `answer`.
 pub(super) const API_WITHOUT_QUALITY: u32 = 1;
+/// Version whose structs end before `state`.
+pub(super) const API_WITHOUT_STATE: u32 = 2;
 /// `HIL_FAULTABLE`.
 pub const FAULTABLE: c_uint = 1;
 /// `HIL_TUNABLE`.
@@ -193,6 +195,12 @@ pub struct Plant {
     pub read: Option<Read>,
     /// Start value of each command, NaN for none; may be null. Not in version 1.
     pub start_commands: *const f64,
+    /// Names of the state's numbers; not in versions 1 and 2.
+    pub state: Rows<Signal>,
+    /// Writes the named numbers of the state; not in versions 1 and 2.
+    pub tell_state: Option<WriteRow>,
+    /// Sets the named numbers of the state; not in versions 1 and 2.
+    pub take_state: Option<TakeRow>,
 }
 
 /// `hil_controller`.
@@ -241,4 +249,10 @@ pub struct Controller {
     pub end: Option<End>,
     /// Computes the answer to a sample from its quality too; not in version 1.
     pub answer: Option<AnswerWithQuality>,
+    /// Names of the state's numbers; not in versions 1 and 2.
+    pub state: Rows<Signal>,
+    /// Writes the named numbers of the state; not in versions 1 and 2.
+    pub tell_state: Option<WriteRow>,
+    /// Sets the named numbers of the state; not in versions 1 and 2.
+    pub take_state: Option<TakeRow>,
 }

@@ -9,10 +9,10 @@ use shared_types::state::State;
 use crate::crash::calling;
 
 use super::interface::{Answer, AnswerWithQuality, Controller, Quality, RetuneLaw, Sample, Setup};
-use super::memory::{Memory, Saving};
+use super::memory::{Memory, Naming, Saving};
 use super::plant::take_bytes;
 use super::reason::outcome;
-use super::tables::{check_form, parameters, required, saving, signals, text};
+use super::tables::{check_form, naming, parameters, required, saving, signals, text};
 use crate::float_modes;
 
 /// Functions of a controller, and the lengths of its rows.
@@ -21,6 +21,7 @@ struct Calls {
     step: Step,
     retune: Option<RetuneLaw>,
     saving: Option<Saving>,
+    naming: Option<Naming>,
     measured: usize,
     reference: usize,
     commands: usize,
@@ -56,6 +57,13 @@ struct InC {
 pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
     check_form(controller.api, controller.size)?;
     let saving = saving(controller.saved_size, controller.save, controller.restore)?;
+    // SAFETY: the caller guarantees all texts and tables.
+    let state = unsafe { signals(&controller.state, "state")? };
+    let naming = naming(
+        &state,
+        (controller.tell_state, controller.take_state),
+        saving,
+    )?;
     let made_for = (!controller.plant.is_null()).then_some(controller.plant);
     // SAFETY: the caller guarantees all texts and tables.
     let (description, commands) = unsafe {
@@ -72,6 +80,7 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
             commands: Some(commands.clone()),
             internals: signals(&controller.internals, "internals")?,
             saves: saving.is_some(),
+            state: naming.map(|_| state),
             tuning: match controller.tuning.is_null() {
                 true => String::new(),
                 false => text(controller.tuning, "`tuning`")?,
@@ -88,6 +97,7 @@ pub unsafe fn kind(controller: &Controller) -> Result<LawKind, Invalid> {
         },
         retune: controller.retune,
         saving,
+        naming,
         measured: description.measured.len(),
         reference: description.reference.len(),
         commands: commands.len(),
@@ -238,5 +248,13 @@ impl Law for InC {
 
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
         self.memory.restore(self.calls.saving, state)
+    }
+
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        self.memory.numbers(self.calls.naming)
+    }
+
+    fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
+        self.memory.set_numbers(self.calls.naming, numbers)
     }
 }

@@ -3,11 +3,11 @@
 use std::ffi::c_void;
 
 use shared_types::describe::Invalid;
-use shared_types::state::State;
+use shared_types::state::{State, check_count, unnamed};
 
 use crate::crash::calling;
 
-use super::interface::{End, Restore, Save};
+use super::interface::{End, Restore, Save, TakeRow, WriteRow};
 use super::reason::outcome;
 use crate::float_modes;
 
@@ -20,6 +20,15 @@ pub(super) struct Saving {
     pub(super) size: usize,
     pub(super) save: Save,
     pub(super) restore: Restore,
+}
+
+/// Callbacks for the named numbers of a state.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Naming {
+    /// Number of rows.
+    pub(super) count: usize,
+    pub(super) tell: WriteRow,
+    pub(super) take: TakeRow,
 }
 
 /// State memory with the callback that ends its use. Initially zero, and aligned for any C type.
@@ -83,6 +92,37 @@ impl Memory {
         // SAFETY: the callback belongs to this started memory, and reads `size` bytes.
         let status = unsafe { (saving.restore)(self.change(), bytes.as_ptr().cast()) };
         outcome("restore", status).map_err(|failure| Invalid(failure.to_string()))
+    }
+
+    /// Returns the named numbers of the state.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers, or the callback fails.
+    pub(super) fn numbers(&self, naming: Option<Naming>) -> Result<Vec<f64>, Invalid> {
+        let naming = naming.ok_or_else(unnamed)?;
+        let mut numbers = vec![f64::NAN; naming.count];
+        let _call = calling(&"tell_state");
+        // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
+        let status = unsafe { (naming.tell)(self.read(), numbers.as_mut_ptr()) };
+        outcome("tell_state", status).map_err(|failure| Invalid(failure.to_string()))?;
+        Ok(numbers)
+    }
+
+    /// Sets the named numbers of the state.
+    ///
+    /// # Errors
+    /// If the state does not name its numbers, names another count of them, or the callback fails.
+    pub(super) fn set_numbers(
+        &mut self,
+        naming: Option<Naming>,
+        numbers: &[f64],
+    ) -> Result<(), Invalid> {
+        let naming = naming.ok_or_else(unnamed)?;
+        check_count(naming.count, numbers.len())?;
+        let _call = calling(&"take_state");
+        // SAFETY: the callback belongs to this started memory, and the row is as long as its table.
+        let status = unsafe { (naming.take)(self.change(), numbers.as_ptr()) };
+        outcome("take_state", status).map_err(|failure| Invalid(failure.to_string()))
     }
 }
 

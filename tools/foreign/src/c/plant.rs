@@ -10,9 +10,9 @@ use shared_types::time;
 use crate::crash::calling;
 
 use super::interface::{Advance, Interval, Plant, Read, TakeRow, WriteRow, WriteTruth};
-use super::memory::{Memory, Saving};
+use super::memory::{Memory, Naming, Saving};
 use super::reason::outcome;
-use super::tables::{check_form, parameters, required, saving, signals, starts, text};
+use super::tables::{check_form, naming, parameters, required, saving, signals, starts, text};
 
 /// Functions of a plant, and the lengths of its rows.
 #[derive(Clone, Copy, Debug)]
@@ -22,6 +22,7 @@ struct Calls {
     tell_truth: WriteTruth,
     advance: Advance,
     saving: Option<Saving>,
+    naming: Option<Naming>,
     parameters: usize,
     measured: usize,
     truth: usize,
@@ -56,6 +57,9 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
     check_form(plant.api, plant.size)?;
     let saving = saving(plant.saved_size, plant.save, plant.restore)?;
     // SAFETY: the caller guarantees all texts and tables.
+    let state = unsafe { signals(&plant.state, "state")? };
+    let naming = naming(&state, (plant.tell_state, plant.take_state), saving)?;
+    // SAFETY: the caller guarantees all texts and tables.
     let description = unsafe {
         PlantDescription {
             name: text(plant.name, "the name of the plant")?,
@@ -67,6 +71,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
             faults: Vec::new(),
             saves: saving.is_some(),
             port: None,
+            state: naming.map(|_| state),
         }
     };
     let start = required(plant.start, "start")?;
@@ -85,6 +90,7 @@ pub unsafe fn kind(plant: &Plant) -> Result<PlantKind, Invalid> {
         tell_truth: required(plant.tell_truth, "tell_truth")?,
         advance: required(plant.advance, "advance")?,
         saving,
+        naming,
         parameters: description.parameters.len(),
         measured: description.measured.len(),
         truth: description.truth.len(),
@@ -185,5 +191,13 @@ impl Model for InC {
 
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
         self.memory.restore(self.calls.saving, state)
+    }
+
+    fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        self.memory.numbers(self.calls.naming)
+    }
+
+    fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
+        self.memory.set_numbers(self.calls.naming, numbers)
     }
 }

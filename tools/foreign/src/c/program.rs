@@ -11,7 +11,7 @@ use shared_types::describe::Invalid;
 
 use crate::crash::install;
 
-use super::interface::{API, Controller, Plant};
+use super::interface::{API, API_WITHOUT_STATE, Controller, Plant};
 use super::tables::text;
 use super::{law, plant};
 use crate::float_modes;
@@ -98,17 +98,18 @@ unsafe fn version(version: *const c_char) -> Result<String, Invalid> {
     }
 }
 
-/// Copies a struct of the header, of which a program of version 1 has only the first `bytes_in_1` bytes; the callbacks
-/// behind them are null then.
+/// Copies a struct of the header, of which programs of versions 1 and 2 have only the first of these bytes; the
+/// callbacks behind them are null then.
 ///
 /// # Safety
 /// `form` points to a struct of the version that its first number states, and all bits zero are a valid `T`.
-unsafe fn whole<T>(form: *const T, bytes_in_1: usize) -> T {
+unsafe fn whole<T>(form: *const T, [bytes_in_1, bytes_in_2]: [usize; 2]) -> T {
     let mut copy = MaybeUninit::<T>::zeroed();
     // SAFETY: guaranteed by the caller; the version comes first.
     let api = unsafe { form.cast::<u32>().read() };
     let bytes = match api {
         API => size_of::<T>(),
+        API_WITHOUT_STATE => bytes_in_2,
         _ => bytes_in_1,
     };
     // SAFETY: both have so many bytes, and the rest is zero.
@@ -133,7 +134,7 @@ pub unsafe extern "C" fn hil_plant_main(
             return Err(Invalid("hil_plant_main got a null pointer".into()));
         }
         // SAFETY: guaranteed by the caller; zero is a null pointer, no callback and no row.
-        let plant = unsafe { whole(plant, offset_of!(Plant, read)) };
+        let plant = unsafe { whole(plant, [offset_of!(Plant, read), offset_of!(Plant, state)]) };
         // SAFETY: guaranteed by the caller.
         let (kind, version) = unsafe { (plant::kind(&plant)?, version(plant.version)?) };
         let program = kind.description.name.clone();
@@ -161,7 +162,15 @@ pub unsafe extern "C" fn hil_controller_main(
             return Err(Invalid("hil_controller_main got a null pointer".into()));
         }
         // SAFETY: guaranteed by the caller; zero is a null pointer, no callback and no row.
-        let law = unsafe { whole(controller, offset_of!(Controller, answer)) };
+        let law = unsafe {
+            whole(
+                controller,
+                [
+                    offset_of!(Controller, answer),
+                    offset_of!(Controller, state),
+                ],
+            )
+        };
         // SAFETY: guaranteed by the caller.
         let (kind, version) = unsafe { (law::kind(&law)?, version(law.version)?) };
         let program = kind.description.name.clone();

@@ -8,16 +8,17 @@ use shared_types::layout::MOST_FIELDS;
 use shared_types::table::Field;
 
 use super::interface::{
-    API, API_WITHOUT_QUALITY, FAULTABLE, Parameter, Restore, Rows, Save, Signal, TUNABLE,
+    API, API_WITHOUT_QUALITY, API_WITHOUT_STATE, FAULTABLE, Parameter, Restore, Rows, Save, Signal,
+    TUNABLE, TakeRow, WriteRow,
 };
-use super::memory::{MOST_BYTES, Saving};
+use super::memory::{MOST_BYTES, Naming, Saving};
 
 /// Refuses a program that was compiled with another header version, or that requests too much memory.
 ///
 /// # Errors
 /// If the version or the size is invalid; the message contains both values.
 pub(super) fn check_form(api: u32, size: usize) -> Result<(), Invalid> {
-    if ![API_WITHOUT_QUALITY, API].contains(&api) {
+    if ![API_WITHOUT_QUALITY, API_WITHOUT_STATE, API].contains(&api) {
         return Err(Invalid(format!(
             "`api` is {api}, but this library supports {API}: set it to HIL_API and compile with the library's header"
         )));
@@ -56,6 +57,28 @@ pub(super) fn saving(
         })),
         _ => Err(Invalid(
             "`saved_size`, `save` and `restore` belong together: set all three or none".into(),
+        )),
+    }
+}
+
+/// Returns the callbacks for the named numbers of a state, which belong to its table.
+///
+/// # Errors
+/// If some are given and others are missing, or the state cannot be saved.
+pub(super) fn naming(
+    state: &[Field],
+    (tell, take): (Option<WriteRow>, Option<TakeRow>),
+    saving: Option<Saving>,
+) -> Result<Option<Naming>, Invalid> {
+    match (tell, take) {
+        (None, None) if state.is_empty() => Ok(None),
+        (Some(tell), Some(take)) if saving.is_some() => Ok(Some(Naming {
+            count: state.len(),
+            tell,
+            take,
+        })),
+        _ => Err(Invalid(
+            "`state`, `tell_state` and `take_state` belong together, with `save` and `restore`: set all of them or none of the three".into(),
         )),
     }
 }

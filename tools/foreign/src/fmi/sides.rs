@@ -50,6 +50,7 @@ pub fn plant_description(model: &Model) -> PlantDescription {
         faults: Vec::new(),
         saves: description.saves,
         port: None,
+        state: None,
     }
 }
 
@@ -98,6 +99,7 @@ pub fn law_description(model: &Model) -> LawDescription {
         commands: Some(fields(&tables.outputs).iter().map(free).collect()),
         internals: fields(&tables.locals).iter().map(free).collect(),
         saves: description.saves,
+        state: None,
         tuning: match is_tunable {
             true => "The FMU applies the values before its next step; its own equations determine the command.".into(),
             false => String::new(),

@@ -25,6 +25,7 @@ use hil_facts::arguments::clock::{ClockArguments, StepArguments};
 use hil_facts::arguments::inject::{self, InjectArguments};
 use hil_facts::arguments::mark::{self, MarkArguments};
 use hil_facts::arguments::set::{self, SetArguments};
+use hil_operating_point::arguments::{self as operating_point, LineariseArguments, TrimArguments};
 use hil_verification::arguments::margins::MarginsArguments;
 use hil_verification::arguments::recordings::{CompareArguments, JudgeArguments, ScenarioCommand};
 use hil_verification::arguments::replay::ReplayArguments;
@@ -152,6 +153,12 @@ Examples:
     Describe(DescribeArguments),
     /// Check a scenario, print all its values, or print the schema
     Config(ConfigArguments),
+    /// Linearise a plant, a law or their loop at a point of a scenario
+    #[command(after_help = operating_point::LINEARISE_EXAMPLES)]
+    Linearise(LineariseArguments),
+    /// Solve for an equilibrium of a scenario, and begin there
+    #[command(after_help = operating_point::TRIM_EXAMPLES)]
+    Trim(TrimArguments),
     /// List running sessions, or clean up after dead ones
     #[command(after_help = "Examples:\n  hil sessions\n  hil sessions --clean")]
     Sessions(SessionsArguments),
@@ -190,7 +197,16 @@ const GROUPS: [(&str, &[&str]); 4] = [
     (
         "Run",
         &[
-            "run", "new", "describe", "campaign", "search", "margins", "config", "rerun",
+            "run",
+            "new",
+            "describe",
+            "campaign",
+            "search",
+            "margins",
+            "trim",
+            "linearise",
+            "config",
+            "rerun",
         ],
     ),
     (

@@ -156,6 +156,7 @@ fn write_plant(text: &mut String, plant: &PlantDescription) -> Written {
     write_fields(text, "commands", &plant.commands)?;
     write_fields(text, "measured", &plant.measured)?;
     write_fields(text, "truth", &plant.truth)?;
+    write_fields(text, "state", plant.state.as_deref().unwrap_or_default())?;
     for fault in &plant.faults {
         writeln!(text, "  fault {}: {}", fault.kind, fault.summary)?;
     }
@@ -177,7 +178,8 @@ fn write_law(text: &mut String, law: &LawDescription) -> Written {
         Some(commands) => write_fields(text, "commands", commands)?,
         None => writeln!(text, "  commands: those of the plant")?,
     }
-    write_fields(text, "internals", &law.internals)
+    write_fields(text, "internals", &law.internals)?;
+    write_fields(text, "state", law.state.as_deref().unwrap_or_default())
 }
 
 const fn yes(is_so: bool) -> &'static str {

@@ -32,6 +32,8 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             (paths.collect(), &[Scenario])
         }
         Command::Margins(arguments) => (vec![arguments.scenario.as_path()], &[Scenario]),
+        Command::Trim(it) => (vec![it.scenario.as_path()], &[Scenario]),
+        Command::Linearise(it) => (vec![it.scenario.as_path()], &[Scenario]),
         Command::Config(arguments) => match &arguments.action {
             ConfigAction::Check(it) => (vec![it.scenario.as_path()], &[Scenario]),
             ConfigAction::Show(it) => (vec![it.scenario.scenario.as_path()], &[Scenario]),

@@ -20,6 +20,7 @@ use hil_campaign::command as campaign;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::{advice, interruption, output};
 use hil_facts::session::{clock, inject, mark, set};
+use hil_operating_point::{linearise, trim};
 use hil_session::session;
 use hil_verification::arguments::recordings::ScenarioAction;
 use hil_verification::{baseline, compare, judge, margins, repetition, replay, rerun, suite};
@@ -115,6 +116,8 @@ fn execute(command_line: &CommandLine) -> Result<Exit, Failure> {
         },
         Command::Describe(arguments) => describe::describe(arguments),
         Command::Config(arguments) => config::config(arguments),
+        Command::Linearise(arguments) => linearise::linearise(arguments),
+        Command::Trim(arguments) => trim::trim(arguments),
         Command::Sessions(arguments) => sessions::sessions(arguments),
         Command::Target(arguments) => target::target(&arguments.action),
         Command::Doctor(arguments) => hil_doctor::doctor(arguments),

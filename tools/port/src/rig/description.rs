@@ -57,6 +57,7 @@ pub fn describe(port: &Port, folder: &Path) -> Result<PlantDescription, String> 
         commands: commands.collect(),
         faults: Vec::new(),
         saves: false,
+        state: None,
         port: Some(PortPlant {
             simulated: simulated(port, folder),
         }),

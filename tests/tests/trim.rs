@@ -1,0 +1,183 @@
+//! Equilibria: against closed forms, kept by runs that begin there, and refused by name where there are none.
+
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::foreign::{compiled, has};
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::Recording;
+
+const SPRING_MASS: &str = "scenarios/spring-mass.toml";
+
+/// Trims into a folder of the rig, and returns the result.
+fn trimmed(rig: &Rig, arguments: &[&str]) -> Value {
+    let out = rig.path("trimmed").display().to_string();
+    let run = rig.hil(&[&["trim"], arguments, &["--out", &out, "--json"]].concat());
+    serde_json::from_str(&run.expect(0).stdout).expect("JSON")
+}
+
+fn value(trim: &Value, list: &str, name: &str) -> f64 {
+    let all = trim[list].as_array().expect("a list");
+    let one = all.iter().find(|one| one["name"] == name);
+    one.expect("it is there")["value"]
+        .as_f64()
+        .expect("a number")
+}
+
+#[track_caller]
+fn assert_near(actual: f64, expected: f64, tolerance: f64) {
+    assert!(
+        (actual - expected).abs() <= tolerance,
+        "{actual} {expected}"
+    );
+}
+
+/// Returns the range of a signal from a step on.
+fn range(run: &Run, name: &str, from: usize) -> (f64, f64) {
+    let recording = Recording::open(&run.recording());
+    let place = recording.columns.iter().position(|column| column == name);
+    let place = place.expect("a column");
+    let records = recording.records();
+    let values = records
+        .skip(from)
+        .map(|record| f64::from_bits(record.words[place]));
+    values.fold(
+        (f64::INFINITY, f64::NEG_INFINITY),
+        |(least, most), value| (least.min(value), most.max(value)),
+    )
+}
+
+#[test]
+fn a_force_on_the_spring_has_the_deflection_of_hookes_law_and_the_run_stays_there() {
+    let rig = Rig::new();
+    let hold = [
+        "--set",
+        "controller.law=hold",
+        "--set",
+        "controller.hold.value=5",
+    ];
+    let trim = trimmed(
+        &rig,
+        &[&[SPRING_MASS, "--hold", "force_n=5"], &hold[..]].concat(),
+    );
+    // F / k = 5 N / (100 N/m)
+    assert_near(value(&trim, "states", "position_m"), 0.05, 1e-13);
+    assert_near(value(&trim, "states", "velocity_mps"), 0.0, 1e-13);
+    assert_eq!(
+        (&trim["is_stable"], &trim["law"]["refused"]),
+        (&true.into(), &Value::Null)
+    );
+    for state in trim["states"].as_array().expect("a list") {
+        let residual = state["residual"].as_f64().expect("a number");
+        assert!(residual.abs() < 1e-15, "{state}");
+    }
+    let checkpoint = trim["checkpoint"].as_str().expect("a path");
+    let run = rig.run(&format!("--from {checkpoint} --link in-process"));
+    assert_eq!(run.summary()["resumed"]["step"], 1);
+    let (least, most) = range(&run, "truth.position_m", 1);
+    assert_near(least, 0.05, 1e-13);
+    assert_near(most, 0.05, 1e-13);
+}
+
+#[test]
+fn a_held_position_gives_the_force_and_the_integral_of_the_law() {
+    let rig = Rig::new();
+    let always = ["--set", "stimuli[0].at_s=0"];
+    let held = [
+        SPRING_MASS,
+        "--hold",
+        "position_m=0.01",
+        "--free",
+        "force_n",
+    ];
+    let trim = trimmed(&rig, &[&held[..], &always].concat());
+    // k x = 100 N/m 0.01 m; the integral times 2000 N/(m s) is all of the force.
+    assert_near(value(&trim, "inputs", "force_n"), 1.0, 1e-12);
+    let states = &trim["law"]["states"];
+    assert_eq!(trim["law"]["refused"], Value::Null, "{trim}");
+    assert_near(states[0]["value"].as_f64().expect("a number"), 5e-4, 1e-14);
+    let checkpoint = trim["checkpoint"].as_str().expect("a path");
+    let run = rig.run(&format!("--from {checkpoint} --link in-process"));
+    let (least, most) = range(&run, "truth.position_m", 1);
+    assert_near(least, 0.01, 1e-12);
+    assert_near(most, 0.01, 1e-12);
+    let described = fs::read_to_string(Path::new(checkpoint).join("checkpoint.json"));
+    let described: Value = serde_json::from_str(&described.expect("a checkpoint")).expect("JSON");
+    assert_eq!(
+        described["check"]["text"],
+        "not checked: its state is that of hil trim, not of the run"
+    );
+}
+
+#[test]
+fn a_law_that_leaves_the_equilibrium_is_named() {
+    let rig = Rig::new();
+    // Its reference is 0 at the point.
+    let trim = trimmed(
+        &rig,
+        &[
+            SPRING_MASS,
+            "--hold",
+            "position_m=0.01",
+            "--free",
+            "force_n",
+        ],
+    );
+    assert_near(value(&trim, "inputs", "force_n"), 1.0, 1e-12);
+    let reason = trim["law"]["refused"].as_str().expect("a reason");
+    assert!(reason.contains("is off by"), "{reason}");
+}
+
+#[test]
+fn what_stands_in_the_way_of_an_equilibrium_is_named() {
+    let rig = Rig::new();
+    let out = rig.path("none").display().to_string();
+    let trim =
+        |arguments: &[&str]| rig.hil(&[&["trim", SPRING_MASS, "--out", &out], arguments].concat());
+    trim(&["--hold", "force_n=5", "position_m=0.02"])
+        .expect(1)
+        .says(&["no equilibrium", "--free", "`position_m`"]);
+    trim(&["--hold", "velocity_mps=1", "--free", "force_n"])
+        .expect(1)
+        .says(&[
+            "no equilibrium",
+            "`position_m`",
+            "hold fewer or other values",
+        ]);
+    assert!(!Path::new(&out).exists(), "nothing is left");
+    for (arguments, words) in [
+        (&["--hold", "force=5"][..], "did you mean force_n"),
+        (&["--hold", "force_n"], "expected SIGNAL=VALUE"),
+        (&["--hold", "force_n=inf"], "is not a number"),
+        (
+            &["--hold", "force_n=1", "--free", "force_n"],
+            "both in --hold and in --free",
+        ),
+        (&["--free", "position_m"], "the plant has no such number"),
+        (&["--at", "0"], "a checkpoint has a past"),
+    ] {
+        trim(arguments).expect(2).says(&[words]);
+    }
+}
+
+#[test]
+fn an_equilibrium_that_is_not_stable_is_found_and_named() {
+    if !has("cc") {
+        return;
+    }
+    let rig = Rig::new();
+    let plant = compiled(&rig, "cc", "examples/c-plant/pendulum.c", "pendulum", &[]);
+    let plant = plant.display().to_string();
+    let scenario = "schema = 1\nname = \"up\"\n[run]\nduration_s = 0.1\nrate_hz = 1000\n[plant]\nmodel = \"pendulum\"\n[controller]\nlaw = \"hold\"\n";
+    let scenario = rig.write("up.toml", scenario).display().to_string();
+    let trim = trimmed(&rig, &[&scenario, "--plant-bin", &plant]);
+    assert_near(value(&trim, "states", "angle_rad"), 0.0, 1e-12);
+    assert_eq!(trim["is_stable"], false);
+    // l a'' = g a - c a'/(m l): the upright pendulum falls with this rate.
+    let (c, w) = (0.05 / 0.25, 9.80665 / 0.5);
+    let fall = -c / 2.0 + libm::sqrt(c * c / 4.0 + w);
+    let largest = trim["largest_eigenvalue"].as_f64().expect("a number");
+    assert_near(largest, libm::exp(1e-3 * fall), 1e-9);
+}

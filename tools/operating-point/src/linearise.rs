@@ -1,0 +1,164 @@
+//! `hil linearise`: the linear model of a plant, a law or their loop at a point of a scenario. Changes no scenario.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use hil_config::plan::Plan;
+use hil_console::files::part_file;
+use hil_console::terminal::exit::{Exit, Failure};
+use hil_console::terminal::interruption::Interruption;
+use hil_console::terminal::output;
+use hil_facts::programs::binaries::Binaries;
+use hil_facts::programs::scenario::Finder;
+
+use crate::arguments::{LineariseArguments, Part};
+use crate::closed_loop;
+use crate::file::{File, Origin};
+use crate::model::LinearModel;
+use crate::point::Point;
+use crate::question::{Asker, Changed};
+
+/// Runs the command.
+///
+/// # Errors
+/// If the scenario is invalid, a side does not name its state, or there is no linear model at the point.
+pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
+    let interruption = Interruption::listen()?;
+    let mut finder = Finder::new(&arguments.binaries, None, &interruption);
+    let (plan, binaries) = finder.read(&arguments.scenario, &arguments.changes, arguments.json)?;
+    let sides = match arguments.of {
+        Part::Plant => [true, false],
+        Part::Law => [false, true],
+        Part::Loop => [true, true],
+    };
+    refuse_unnamed(&plan, &binaries, sides)?;
+    if arguments.of != Part::Plant {
+        refuse_renamed(&plan)?;
+    }
+    if arguments.of == Part::Loop {
+        refuse_between(&plan)?;
+    }
+    if arguments.of != Part::Plant && arguments.at <= 0.0 {
+        return Err(Failure::usage(
+            "a law has no past before its first sample; give a later point with --at",
+        ));
+    }
+    let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
+    let out = folder.path().join("run");
+    let point = Point::reach(plan, &binaries, (arguments.at, &out, false), &interruption)?;
+    let asker = Asker {
+        point: &point,
+        folder: folder.path(),
+        interruption: &interruption,
+    };
+    let model = match arguments.of {
+        Part::Plant => plant(&asker)?,
+        Part::Law => law(&asker)?.0,
+        Part::Loop => {
+            let (law, measured) = law(&asker)?;
+            closed_loop::joined(&plant(&asker)?, &law, measured).map_err(Failure::Differ)?
+        }
+    };
+    let origin = Origin {
+        scenario: &point.plan.name,
+        of: match arguments.of {
+            Part::Plant => "plant",
+            Part::Law => "law",
+            Part::Loop => "loop",
+        },
+        time_s: point.time_s(),
+        step: point.step.0,
+    };
+    let file = File::of(&model, &origin).map_err(Failure::Differ)?;
+    if let Some(path) = &arguments.output {
+        write(path, &file)?;
+    }
+    output::result(arguments.json, &file, || file.text())?;
+    Ok(Exit::Pass)
+}
+
+fn write(path: &Path, file: &File) -> Result<(), Failure> {
+    part_file::write_text(path, &output::pretty(file)?)
+}
+
+/// Returns the model of the plant with the inputs of the point.
+fn plant(asker: &Asker<'_>) -> Result<LinearModel, Failure> {
+    let inputs = asker.point.plant_inputs(&asker.plant()?.commands)?;
+    let map = asker.ask_plant(&inputs, &Changed::default())?;
+    Ok(LinearModel::of(map).reduced())
+}
+
+/// Returns the model of the law with the sample of the point, and its number of measured signals.
+fn law(asker: &Asker<'_>) -> Result<(LinearModel, usize), Failure> {
+    let law = asker.law()?;
+    let sample = asker.point.sample(&law)?;
+    let map = asker.ask_law(&sample, &Changed::default())?;
+    Ok((LinearModel::of(map).reduced(), law.measured.len()))
+}
+
+/// Refuses sides whose state is bytes without names; `sides` are the plant and the law.
+pub(crate) fn refuse_unnamed(
+    plan: &Plan,
+    binaries: &Arc<Binaries>,
+    sides: [bool; 2],
+) -> Result<(), Failure> {
+    let (plants, laws, _) = binaries.described();
+    let plant = plants.iter().find(|plant| plant.name == plan.plant.model);
+    let law = plan.law_among(laws);
+    let states = [
+        plant.and_then(|plant| plant.state.as_ref()),
+        law.as_ref().and_then(|law| law.state.as_ref()),
+    ];
+    let names = [
+        ("plant", &plan.plant.model, &binaries.plant),
+        ("law", &plan.controller.law, &binaries.controller),
+    ];
+    let both = sides.into_iter().zip(states).zip(names);
+    for ((_, _), (side, name, binary)) in
+        both.filter(|((is_needed, state), _)| *is_needed && state.is_none())
+    {
+        let what = match &binary.description.imported {
+            Some(_) => "is an FMU, whose state is bytes",
+            None => {
+                "does not name the numbers of its state, which `StateOf::named` does, and `state` in C"
+            }
+        };
+        return Err(Failure::Differ(format!(
+            "{side} `{name}` {what}: there is no linear model of it"
+        )));
+    }
+    Ok(())
+}
+
+fn refuse_renamed(plan: &Plan) -> Result<(), Failure> {
+    match plan.controller.connections.first() {
+        None => Ok(()),
+        Some(_) => Err(Failure::Differ(
+            "the law's signals have other names and units in this scenario (`[connect]`), which a linear model does not follow in this version; use --of plant".into(),
+        )),
+    }
+}
+
+/// Refuses a loop with something between plant and law that has a state of its own.
+fn refuse_between(plan: &Plan) -> Result<(), Failure> {
+    let first = |all: &[hil_config::plan::Instrument]| all.first().is_some();
+    let between = [
+        ("sensors (`[[sensors]]`)", first(&plan.sensors)),
+        ("actuators (`[[actuators]]`)", first(&plan.actuators)),
+        ("a bus (`[bus]`)", plan.bus.is_some()),
+        (
+            "a delay of the command (`controller.command_delay_steps`)",
+            plan.controller.command_delay_steps > 0,
+        ),
+        (
+            "a slower law (`controller.rate_hz`)",
+            plan.controller.rate_divisor > 1,
+        ),
+    ];
+    match between.iter().find(|(_, is_there)| *is_there) {
+        None => Ok(()),
+        Some((what, _)) => Err(Failure::Differ(format!(
+            "the loop has {what}, whose state has no names, so the linear loop would lack it; use --of plant and --of law"
+        ))),
+    }
+}
