@@ -128,7 +128,7 @@ impl BitField {
         let mut bytes = (self.first..self.end_byte())
             .filter(|byte| self.mask_of(*byte) & other.mask_of(*byte) != 0);
         let first = bytes.next()?;
-        Some(match bytes.last() {
+        Some(match bytes.next_back() {
             Some(last) => format!("bytes {first} to {last}"),
             None => format!("byte {first}"),
         })
