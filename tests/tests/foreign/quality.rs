@@ -81,8 +81,11 @@ fn of_version_1(text: String, callback: &str, last: &str) -> String {
 
 /// Changes a program to version 2 of the header, which promises nothing behind `answer` and `start_commands`.
 fn of_version_2(text: String, _callback: &str, last: &str) -> String {
-    let text = text.replace(".tell_state = measure", ".tell_state = 0");
-    with_beyond(&text, "2u", "tell_state", last)
+    let own = ".tell_state = measure";
+    match text.contains(own) {
+        true => (text.replace("HIL_API", "2u")).replace(own, ".tell_state = (void *)1"),
+        false => with_beyond(&text, "2u", "tell_state", last),
+    }
 }
 
 fn with_beyond(text: &str, version: &str, callback: &str, last: &str) -> String {
