@@ -10,6 +10,8 @@
 //! At a kink the differences to the left and to the right stay apart however small the step is; at a root they grow
 //! without limit. Both are refused.
 
+use crate::extremes::larger;
+
 /// Derivative of every output by one number.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Derivative {
@@ -145,7 +147,7 @@ pub fn derivative(
             }
         };
         for (place, scale) in scale.iter_mut().enumerate() {
-            *scale = scale.max(up[place].abs()).max(down[place].abs());
+            *scale = larger(*scale, larger(up[place].abs(), down[place].abs()));
         }
         let quotients = |high: &[f64], low: &[f64], width: f64| {
             let both = high.iter().zip(low);
@@ -212,7 +214,7 @@ fn steps(x: f64) -> (f64, f64) {
         true => power(SMALLEST.1),
         false => power((own + SMALLEST.0).max(SMALLEST.1)),
     };
-    let largest = power(LARGEST).max(x.abs() / 4.0);
+    let largest = larger(power(LARGEST), x.abs() / 4.0);
     (smallest, largest)
 }
 
@@ -231,12 +233,12 @@ fn improve(levels: &[Level], tracks: &mut [Track]) -> bool {
         let change = track.last.map_or(value, |last| value - last).abs();
         let now = Best {
             value,
-            error: (value - fine).abs().max(change) + noise,
+            error: larger((value - fine).abs(), change) + noise,
             level: levels.len() - 2,
         };
         track.last = Some(value);
         // At a kink the central difference may be 0.
-        let size = small.right[output].abs().max(small.left[output].abs());
+        let size = larger(small.right[output].abs(), small.left[output].abs());
         has_left |= track.settled_at.is_some() && now.error > LEFT * size;
         track.streak = if now.error < GOOD * size {
             track.streak + 1
@@ -265,8 +267,8 @@ fn kink(levels: &[Level], output: usize) -> Result<f64, NoDerivative> {
     let gap = |level: &Level| level.right[output] - level.left[output];
     let counts = |level: &&Level| {
         let noise = ROUNDING * level.scale[output] / level.step;
-        let size = level.right[output].abs().max(level.left[output].abs());
-        gap(level).abs() > (100.0 * noise).max(1e-6 * size)
+        let size = larger(level.right[output].abs(), level.left[output].abs());
+        gap(level).abs() > larger(100.0 * noise, 1e-6 * size)
     };
     let clear: Vec<&Level> = levels.iter().filter(counts).collect();
     // Of a smooth map the gap is proportional to the step, or to a higher power.
@@ -281,7 +283,7 @@ fn kink(levels: &[Level], output: usize) -> Result<f64, NoDerivative> {
         return Ok(0.0);
     }
     let (left, right) = (first.left[output], first.right[output]);
-    if (right - left).abs() <= KINK * left.abs().max(right.abs()) {
+    if (right - left).abs() <= KINK * larger(left.abs(), right.abs()) {
         return Ok((right - left).abs() / 2.0);
     }
     Err(NoDerivative::Kink {
@@ -339,7 +341,10 @@ mod tests {
         for (map, x, expected) in cases {
             let found = of(map, x).expect("a derivative");
             let off = (found.values[0] - expected).abs();
-            assert!(off <= found.errors[0].max(1e-16), "{x}: {off} {found:?}");
+            assert!(
+                off <= larger(found.errors[0], 1e-16),
+                "{x}: {off} {found:?}"
+            );
             assert!(found.error < 1e-6, "{x}: {found:?}");
         }
     }

@@ -38,6 +38,7 @@ pub mod describe;
 pub mod difference;
 pub mod digest;
 pub mod directive;
+pub mod extremes;
 pub mod failure;
 pub mod frame;
 pub mod hello;

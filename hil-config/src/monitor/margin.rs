@@ -3,16 +3,6 @@
 /// Bounds of an unknown size.
 pub(super) const ANY: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
 
-/// Returns the smaller of two sizes.
-pub(super) const fn smaller(a: f64, b: f64) -> f64 {
-    if b < a { b } else { a }
-}
-
-/// Returns the larger of two sizes.
-pub(super) const fn larger(a: f64, b: f64) -> f64 {
-    if b > a { b } else { a }
-}
-
 /// Robustness combined with the step of its comparison in one number, ordered by value, -0 below +0, then by step.
 /// Under this total order minimum and maximum are distributive, so every way to compute a formula yields the same step.
 /// The upper half is the value in the order of [`f64::total_cmp`], and the lower half is the step. A size is never NaN:

@@ -3,8 +3,10 @@
 //! Built by [`draft`](super::draft), called by [`Monitors`](super::Monitors) only at the rows at which the part is
 //! [due](super::due::Due).
 
+use shared_types::extremes::{larger, smaller};
+
 use super::ComparedSide;
-use super::margin::{self, Choice, Margin, larger, smaller};
+use super::margin::{self, Choice, Margin};
 use super::window::{Chain, Extreme, Since, Until};
 use crate::formula::Relation;
 

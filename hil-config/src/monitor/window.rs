@@ -5,9 +5,10 @@
 //! window is a single stretch, a sliding one is a queue of two stacks (Tangwongsan, Hirzel and Schneider 2015, section
 //! 2), in which each step is pushed, moved and popped once.
 
+use shared_types::extremes::larger;
 use std::collections::VecDeque;
 
-use super::margin::{self, Choice, Margin, larger};
+use super::margin::{self, Choice, Margin};
 
 /// Sliding window of `always`, `eventually`, `historically` or `once`.
 #[derive(Clone, Debug)]

@@ -13,6 +13,7 @@ use hil_facts::checkpoint;
 use hil_facts::programs::scenario::Finder;
 use serde::Serialize;
 use shared_types::describe::{PlantDescription, Settings};
+use shared_types::extremes::larger;
 use shared_types::local_map::{LocalMap, Variable};
 use shared_types::number::{exact, exact_in};
 use shared_types::side::Side;
@@ -314,7 +315,7 @@ fn later(asker: &Asker<'_>, states: &Settings, inputs: &Settings) -> Result<f64,
             } else {
                 1.0
             };
-            largest = largest.max((next - state.value).abs() / size);
+            largest = larger(largest, (next - state.value).abs() / size);
         }
     }
     Ok(largest)
