@@ -324,13 +324,15 @@ fn finite(values: Result<Vec<f64>, String>) -> Result<Vec<f64>, String> {
 mod tests {
     use super::*;
 
-    fn of(map: fn(f64) -> f64, x: f64) -> Result<Derivative, NoDerivative> {
+    type Function = fn(f64) -> f64;
+
+    fn of(map: Function, x: f64) -> Result<Derivative, NoDerivative> {
         derivative(&mut |x| Ok(vec![map(x)]), x, Kinks::Refused)
     }
 
     #[test]
     fn smooth_functions_have_their_derivative_within_the_stated_error() {
-        let cases: [(fn(f64) -> f64, f64, f64); 6] = [
+        let cases: [(Function, f64, f64); 6] = [
             (libm::sin, 1.0, 0.540_302_305_868_139_8),
             (libm::exp, -3.0, 0.049_787_068_367_863_944),
             (libm::sqrt, 1e7, 1.581_138_830_084_189_6e-4),

@@ -82,6 +82,9 @@ pub struct Columns<'a> {
     pub outputs: &'a [Field],
 }
 
+/// Map of a period: from the states and the inputs to the next states and the outputs.
+pub type Map<'a> = dyn FnMut(&[f64]) -> Result<Vec<f64>, Invalid> + 'a;
+
 impl LocalMap {
     /// Evaluates and differentiates a map at a point. `map` returns the next state, then the outputs; `point` has the
     /// states, then the inputs.
@@ -92,7 +95,7 @@ impl LocalMap {
         columns: Columns<'_>,
         period_s: f64,
         (point, passes_kinks): (&[f64], bool),
-        map: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>, Invalid>,
+        map: &mut Map<'_>,
     ) -> Result<Self, Invalid> {
         let Columns {
             states,

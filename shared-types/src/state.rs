@@ -105,11 +105,14 @@ pub struct StateOf<T> {
     rows: Option<Rows<T>>,
 }
 
+type Numbers<T> = Box<dyn Fn(&T) -> Vec<f64>>;
+type SetNumbers<T> = Box<dyn Fn(&mut T, &[f64])>;
+
 /// Numbers of a state by name.
 struct Rows<T> {
     fields: Vec<Field>,
-    numbers: Box<dyn Fn(&T) -> Vec<f64>>,
-    set: Box<dyn Fn(&mut T, &[f64])>,
+    numbers: Numbers<T>,
+    set: SetNumbers<T>,
 }
 
 impl<T: 'static> StateOf<T> {
