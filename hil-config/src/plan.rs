@@ -47,6 +47,7 @@ pub use instrument::{Instrument, Stage};
 pub use plot::{Panel, Plot, Scale};
 pub use requirement::{Requirement, Trace};
 pub use stimulus::{INPUT_KEYS, Stimulus};
+pub(crate) use taps::indistinguishable;
 pub use taps::{tap_fields, taps_of};
 
 /// Checked scenario.
