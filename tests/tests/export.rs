@@ -76,13 +76,13 @@ fn an_exported_table_has_the_bits_of_the_recording_and_the_derived_signals() {
 fn a_table_has_the_derived_signals_whatever_else_of_the_run_was_recorded() {
     let rig = Rig::new();
     let whole = shipped("scenarios/spring-mass.toml");
-    let sensor = "[[sensors]]\nsignal = \"position_m\"\nscale = 1.5\nlag_hz = 50\n";
+    let sensor = "[[sensors]]\nsignal = \"position_m\"\nscale = 1.0\nlag_hz = 200\n";
     let scenario = rig.write("sensor.toml", &format!("{whole}\n{sensor}"));
     let line = format!("{} --record", scenario.display());
     for patterns in ["*", "truth.* --record reference.*"] {
         let run = rig.run(&format!("{line} {patterns}")).expect(0);
         let path = rig.path("derived.csv");
-        let arguments = ["export", text(&run.folder), "-o", text(&path)];
+        let arguments = ["export", text(&run.folder), "-o", text(&path), "--force"];
         rig.hil(&arguments).expect(0);
         let (header, rows) = table(&path);
         let place = |name: &str| header.iter().position(|one| one == name).expect(name);
