@@ -369,7 +369,6 @@ impl<'a, L: Link> Runner<'a, L> {
             Some(started) => started,
             None => start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
         };
-        let row = answering::begin(&commands, welcome.command.len());
         let mut bound = Bound {
             law: started,
             measured_places: places(SignalKind::Measured, &law.measured)?,
@@ -379,9 +378,9 @@ impl<'a, L: Link> Runner<'a, L> {
             sample: vec![0.0; welcome.sample.len()],
             measured: vec![0.0; law.measured.len()],
             reference: vec![0.0; law.reference.len()],
-            answer: row.clone(),
-            previous: row[..commands.len()].to_vec(),
-            frame: row.clone(),
+            answer: vec![0.0; welcome.command.len()],
+            previous: vec![0.0; commands.len()],
+            frame: vec![0.0; welcome.command.len()],
             made: {
                 let before = -i64::from(self.job.rate_divisor);
                 Made {
@@ -393,7 +392,7 @@ impl<'a, L: Link> Runner<'a, L> {
             },
             held: Held::default(),
             late_until: None,
-            late: row,
+            late: vec![0.0; welcome.command.len()],
             last: None,
             answered: Answered::default(),
             sampler: ThreadSampler::default(),
