@@ -261,7 +261,9 @@ fn parts(
         let nominal = plant_plan.as_ref().map(|plan| &plan.parameters);
         controller::check(reader, section, laws, (law, home), plant, nominal, grid)
     });
-    let instruments = instruments::check(reader, root, plant, grid);
+    let plants = { plant.zip(whole_plant) }
+        .map(|(commanded, whole)| instruments::Plants { commanded, whole });
+    let instruments = instruments::check(reader, root, plants, grid);
     let reference: Option<Vec<Field>> =
         (stimuli.as_deref()).map(|stimuli| stimuli.iter().flat_map(Stimulus::fields).collect());
     let driven_inputs = stimuli.as_deref().map(driven);
@@ -301,7 +303,9 @@ fn parts(
     if let (Some(columns), Some(plant), Some((sensors, actuators)), Some(grid)) =
         (&mut columns, plant, &instruments, grid)
     {
-        columns.push_possible_taps(plant, [sensors, actuators], grid.rate);
+        let both = [&sensors[..], &actuators[..]];
+        instruments::refuse_indistinguishable(reader, root, plant, both, grid.rate);
+        columns.push_possible_taps(plant, both, grid.rate);
     }
     let ends = bus::Ends {
         plant,

@@ -49,6 +49,7 @@ pub use plot::{Panel, Plot, Scale};
 pub use probe::{Probe, Tone, cut_fields};
 pub use requirement::{Requirement, Trace};
 pub use stimulus::{INPUT_KEYS, Stimulus};
+pub(crate) use taps::indistinguishable;
 pub use taps::{tap_fields, taps_of};
 
 /// Checked scenario.

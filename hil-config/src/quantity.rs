@@ -28,7 +28,7 @@ impl<'a> From<&'a Field> for Quantity<'a> {
             unit: &field.unit,
             min: field.min,
             max: field.max,
-            whole: counts(field),
+            whole: field.is_whole || counts(field),
         }
     }
 }

@@ -217,30 +217,47 @@ impl Table {
         assert_eq!(row.len(), 1 + self.derivatives(), "a row of the table");
         let times_s = self.points.time_s();
         let (first_s, last_s) = (times_s[0], times_s[times_s.len() - 1]);
+        let time_s = self.within(time_s, [first_s, last_s]);
         let slack_s = match self.interpolation {
             Interpolation::Hold => SLACK_S,
             Interpolation::Linear | Interpolation::Cubic => 0.0,
         };
-        let mut time_s = time_s;
-        if self.repeat && time_s >= last_s - slack_s {
-            time_s = first_s + (time_s - first_s).rem_euclid(last_s - first_s);
-            // The last row is the first one of the next pass.
-            if time_s >= last_s - slack_s {
-                time_s = first_s;
-            }
-        }
         let after = times_s.partition_point(|&row_s| row_s <= time_s + slack_s);
         if after == 0 {
             self.hold(0, row);
         } else if after < times_s.len() {
             self.between(after - 1, time_s, row);
-        } else if self.end == AfterEnd::Zero && time_s > last_s + slack_s {
+        } else if self.end == AfterEnd::Zero && time_s > last_s {
             row.fill(0.0);
         } else {
             self.hold(after - 1, row);
-            if time_s <= last_s + slack_s {
+            if time_s <= last_s {
                 self.copy_derivatives(after - 1, row);
             }
+        }
+    }
+
+    /// Returns the time in the first pass of a table that repeats; a time that misses an end by its rounding becomes
+    /// the time of that row.
+    fn within(&self, time_s: f64, [first_s, last_s]: [f64; 2]) -> f64 {
+        if time_s < first_s {
+            return if time_s >= first_s - SLACK_S {
+                first_s
+            } else {
+                time_s
+            };
+        }
+        if !self.repeat {
+            let is_end = (last_s..=last_s + SLACK_S).contains(&time_s);
+            return if is_end { last_s } else { time_s };
+        }
+        if time_s < last_s - SLACK_S {
+            return time_s;
+        }
+        // The last row is the first one of the next pass.
+        match first_s + (time_s - first_s).rem_euclid(last_s - first_s) {
+            time_s if time_s >= last_s - SLACK_S => first_s,
+            time_s => time_s,
         }
     }
 

@@ -60,6 +60,9 @@ pub struct Field {
     /// `true` if the value is one of a few, as in an enumeration or a Boolean: noise has no meaning for such a value.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub is_discrete: bool,
+    /// `true` if only whole numbers are valid, as for an integer, an enumeration or a Boolean.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_whole: bool,
 }
 
 impl Field {
@@ -79,6 +82,7 @@ impl Field {
             is_difference: false,
             is_optional: false,
             is_discrete: false,
+            is_whole: false,
         }
     }
 

@@ -6,9 +6,9 @@ use std::io::Read;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::support::harness::Rig;
+use crate::support::harness::{Rig, text};
 use crate::support::mcap_reader::Recording;
-use crate::support::programs::{program, skip, workspace};
+use crate::support::programs::{program, shipped, skip, workspace};
 use crate::support::python::{python, succeeds};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -70,6 +70,54 @@ fn an_exported_table_has_the_bits_of_the_recording_and_the_derived_signals() {
         compared += 1;
     }
     assert_eq!((compared, rows.len()), (2001, 2001));
+}
+
+#[test]
+fn a_table_has_the_derived_signals_whatever_else_of_the_run_was_recorded() {
+    let rig = Rig::new();
+    let whole = shipped("scenarios/spring-mass.toml");
+    let sensor = "[[sensors]]\nsignal = \"position_m\"\nscale = 1.0\nlag_hz = 200\n";
+    let scenario = rig.write("sensor.toml", &format!("{whole}\n{sensor}"));
+    let line = format!("{} --record", scenario.display());
+    for patterns in ["*", "truth.* --record reference.*"] {
+        let run = rig.run(&format!("{line} {patterns}")).expect(0);
+        let path = rig.path("derived.csv");
+        let arguments = ["export", text(&run.folder), "-o", text(&path), "--force"];
+        rig.hil(&arguments).expect(0);
+        let (header, rows) = table(&path);
+        let place = |name: &str| header.iter().position(|one| one == name).expect(name);
+        let [error, truth, reference] = [
+            "tracking_error_m",
+            "truth.position_m",
+            "reference.position_m",
+        ]
+        .map(place);
+        assert_eq!(rows.len(), 5001);
+        for row in &rows {
+            assert_eq!(row[error], row[truth] - row[reference], "step {}", row[0]);
+        }
+    }
+}
+
+#[test]
+fn a_requirement_judges_an_input_of_a_stage_that_only_a_flag_recorded() {
+    let rig = Rig::new();
+    let whole = shipped("scenarios/spring-mass.toml");
+    let end = whole
+        .find("\n[[derived]]")
+        .expect("a part behind the stimuli");
+    let sensor = "[[sensors]]\nsignal = \"position_m\"\nscale = 1.5\nlag_hz = 50\n";
+    let plain = format!("{}\n{sensor}", &whole[..end]);
+    let scenario = rig.write("sensor.toml", &plain);
+    let requirement = "[[requirements]]\nname = \"small\"\n\
+        formula = \"always (sensor.lag_hz.position_m < 1 m)\"\n";
+    let other = rig.write("judge.toml", &format!("{plain}\n{requirement}"));
+    let run = rig
+        .run(&format!("{} --record *", scenario.display()))
+        .expect(0);
+    let judge = ["judge", text(&run.folder), "--requirements", text(&other)];
+    let judged = rig.hil(&judge).expect(0);
+    assert!(judged.stdout.contains("small"), "{}", judged.stdout);
 }
 
 #[test]

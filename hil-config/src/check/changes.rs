@@ -129,6 +129,7 @@ fn known(context: &ChangeContext<'_>) -> Option<Vec<Known>> {
             aliases: stimulus.aliases.clone(),
             min: stimulus.range[0],
             max: stimulus.range[1],
+            is_whole: stimulus.is_whole,
             ..Field::signal(&stimulus.target, &stimulus.unit, "")
         };
         Known {
@@ -187,8 +188,17 @@ fn change(
         reader.report_at(section, "clear", ProblemKind::Duplicate, message);
         return None;
     }
-    let is_endless = |one: &&ChangedValue| ramp_s.is_some() && !one.value.is_finite();
-    let no_way = match set.iter().find(is_endless) {
+    let is_whole = |one: &ChangedValue| {
+        let mut keys = keys.into_iter().flatten();
+        keys.any(|known| known.key == one.key && known.field.is_whole)
+    };
+    let has_no_ramp =
+        |one: &&ChangedValue| ramp_s.is_some() && (!one.value.is_finite() || is_whole(one));
+    let no_way = match set.iter().find(has_no_ramp) {
+        Some(one) if one.value.is_finite() => Some(format!(
+            "`{}` takes whole numbers only, so it cannot change along a ramp",
+            one.key
+        )),
         Some(one) => Some(format!(
             "`{}` cannot change to {} along a ramp",
             one.key, one.value
@@ -325,7 +335,7 @@ fn unknown(
         count if count <= LISTED => format!("one of {}", listed(names.iter().copied())),
         count => format!("one of {count} keys, which `hil get --tunable` lists"),
     };
-    let message = match is_there || advice.is_constant(name) {
+    let message = match is_there || advice.is_fixed(name) {
         true => format!("`{name}` cannot be changed during the run"),
         false => format!("there is no `{name}` to change"),
     };

@@ -234,13 +234,20 @@ impl Advice<'_> {
         stripped.or(name.strip_prefix("command.")).unwrap_or(name)
     }
 
-    /// Returns `true` if a name means a constant input.
-    pub(super) fn is_constant(&self, name: &str) -> bool {
-        self.constants.get(Self::input(name)).is_some()
+    /// Returns `true` if a name means a constant input, or a part of an instrument.
+    pub(super) fn is_fixed(&self, name: &str) -> bool {
+        self.constants.get(Self::input(name)).is_some() || instrument_group(name).is_some()
     }
 
-    /// Describes how the input that a name means can be changed or faulted; `None` for another name.
+    /// Describes how the input or the part of an instrument that a name means can be changed or faulted; `None` for
+    /// another name.
     pub(super) fn on(&self, name: &str) -> Option<String> {
+        if let Some(group) = instrument_group(name) {
+            return Some(format!(
+                "instruments stay as they are during a run; inject the same stage as a fault: \
+                 hil inject KIND {group}.SIGNAL .., or change the scenario"
+            ));
+        }
         let input = Self::input(name);
         if let Some(value) = self.constants.get(input) {
             let value = number(value);
@@ -254,6 +261,16 @@ impl Advice<'_> {
         let is_driven = inputs.any(|one| one == input) && !name.starts_with(INPUT_KEYS);
         is_driven.then(|| format!("during a run this input of the plant is `{INPUT_KEYS}{input}`"))
     }
+}
+
+/// Returns the group of signals that faults can take in place of the instrument which a name means; `None` for another
+/// name.
+fn instrument_group(name: &str) -> Option<&'static str> {
+    let is_of = |starts: [&str; 3]| starts.into_iter().any(|start| name.starts_with(start));
+    if is_of(["sensors[", "sensor.", "sensed."]) {
+        return Some("measured");
+    }
+    is_of(["actuators[", "actuator.", "applied."]).then_some("command")
 }
 
 /// Describes how the scenario can drive inputs that no law commands; `has_table` if it has `[plant.inputs]`.

@@ -1,17 +1,19 @@
 //! `[[sensors]]` and `[[actuators]]`: existing signals, consistent keys, and values that the run can have.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use shared_types::describe::PlantDescription;
 use shared_types::number::exact as number;
 use shared_types::table::Field;
+use shared_types::time::Rate;
 
 use super::controller::rate_divisor;
 use super::data_sheet::Scales;
+use super::parameters::{Written, collect};
 use super::run::Grid;
 use crate::document::Value;
 use crate::keys::KeyKind;
-use crate::plan::Instrument;
+use crate::plan::{Instrument, indistinguishable};
 use crate::problem::{ProblemKind, listed};
 use crate::quantity::Quantity;
 use crate::reader::{Reader, Section};
@@ -29,33 +31,92 @@ const OWNERS: [(&str, &str); 4] = [
 /// Keys that draw random numbers.
 const NOISE: [&str; 4] = ["bias_sigma", "bias_walk", "noise_density", "noise_sigma"];
 
+/// Keys that keep the values of an enumeration or a Boolean.
+const KEEP_ITEMS: [&str; 5] = ["signal", "rate_hz", "phase_steps", "delay_s", "dead_time_s"];
+
+/// Plant of a scenario, once as the law commands it and once with the inputs that the scenario drives.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plants<'a> {
+    pub(super) commanded: &'a PlantDescription,
+    pub(super) whole: &'a PlantDescription,
+}
+
+impl<'a> Plants<'a> {
+    /// Returns the signals that the instruments of a table can have.
+    fn fields(self, table: &str) -> &'a [Field] {
+        match table {
+            "sensors" => &self.commanded.measured,
+            _ => &self.commanded.commands,
+        }
+    }
+
+    /// Describes the place of a signal that belongs elsewhere; `None` for an unknown name.
+    fn advice(self, table: &str, name: &str) -> Option<String> {
+        let has = |fields: &[Field]| fields.iter().any(|field| field.is_called(name));
+        match table {
+            "sensors" if has(&self.commanded.commands) => Some(format!(
+                "`{name}` is a command of the plant; use [[actuators]]"
+            )),
+            "actuators" if has(&self.commanded.measured) => Some(format!(
+                "`{name}` is a measured signal of the plant; use [[sensors]]"
+            )),
+            "actuators" if has(&self.whole.commands) => {
+                Some(format!("no law commands `{name}`, so it has no actuator"))
+            }
+            _ => None,
+        }
+    }
+}
+
 /// Returns the sensors and the actuators; `None` if one of them is faulty or the plant is unknown.
 pub(super) fn check(
     reader: &mut Reader,
     root: &Section<'_>,
-    plant: Option<&PlantDescription>,
+    plants: Option<Plants<'_>>,
     grid: Option<Grid>,
 ) -> Option<(Vec<Instrument>, Vec<Instrument>)> {
-    let measured = plant.map(|plant| &plant.measured[..]);
-    let commands = plant.map(|plant| &plant.commands[..]);
-    let sensors = all(reader, root, "sensors", measured, grid);
-    let actuators = all(reader, root, "actuators", commands, grid);
+    let sensors = all(reader, root, "sensors", plants, grid);
+    let actuators = all(reader, root, "actuators", plants, grid);
     Some((sensors?, actuators?))
+}
+
+/// Reports two inputs of stages that a recording could not distinguish.
+pub(super) fn refuse_indistinguishable(
+    reader: &mut Reader,
+    root: &Section<'_>,
+    plant: &PlantDescription,
+    instruments: [&[Instrument]; 2],
+    rate: Rate,
+) {
+    let Some((table, index, [first, second])) = indistinguishable(plant, instruments, rate) else {
+        return;
+    };
+    let sections = reader.list(root, table);
+    let Some(section) = sections.get(index) else {
+        return;
+    };
+    let message = format!(
+        "`{first}` and `{second}`, inputs of stages, cannot be distinguished in a recording"
+    );
+    reader
+        .report_at(section, "signal", ProblemKind::Duplicate, message)
+        .help("leave out one of the two stages, or give one of the signals another name");
 }
 
 fn all(
     reader: &mut Reader,
     root: &Section<'_>,
     table: &'static str,
-    fields: Option<&[Field]>,
+    plants: Option<Plants<'_>>,
     grid: Option<Grid>,
 ) -> Option<Vec<Instrument>> {
+    let fields = plants.map(|plants| plants.fields(table));
     let mut names = BTreeSet::new();
     let sections = reader.list(root, table);
     let instruments: Vec<Option<Instrument>> = (sections.iter())
         .map(|section| {
             reader.refuse_unknown(section, &[]);
-            let field = signal(reader, section, fields);
+            let field = signal(reader, section, table, plants);
             if let Some(field) = field
                 && !names.insert(&field.name)
             {
@@ -64,7 +125,7 @@ fn all(
                     .report_at(section, "signal", ProblemKind::Duplicate, message)
                     .help("put all keys of a signal into one entry");
             }
-            instrument(reader, section, field?, fields?, grid)
+            instrument(reader, section, table, (field?, fields?), grid)
         })
         .collect();
     instruments.into_iter().collect()
@@ -74,14 +135,19 @@ fn all(
 fn signal<'a>(
     reader: &mut Reader,
     section: &Section<'_>,
-    fields: Option<&'a [Field]>,
+    table: &str,
+    plants: Option<Plants<'a>>,
 ) -> Option<&'a Field> {
     let name = reader.text(section, "signal")?;
-    let fields = fields?;
+    let plants = plants?;
+    let fields = plants.fields(table);
     let field = fields.iter().find(|field| field.is_called(name));
     if field.is_none() {
         let path = section.path_of("signal");
-        let message = format!("`{path}` is `{name}`, which is not a signal of the plant");
+        let message = match plants.advice(table, name) {
+            Some(advice) => format!("`{path}`: {advice}"),
+            None => format!("`{path}` is `{name}`, which is not a signal of the plant"),
+        };
         let names = fields.iter().map(|field| field.name.as_str());
         reader
             .report_at(section, "signal", ProblemKind::UnknownName, message)
@@ -93,8 +159,8 @@ fn signal<'a>(
 fn instrument(
     reader: &mut Reader,
     section: &Section<'_>,
-    field: &Field,
-    fields: &[Field],
+    table: &str,
+    (field, fields): (&Field, &[Field]),
     grid: Option<Grid>,
 ) -> Option<Instrument> {
     let before = reader.problems.len();
@@ -136,7 +202,7 @@ fn instrument(
     if has("cross") {
         cross(reader, section, &mut instrument, fields);
     }
-    refuse_noise_on_items(reader, section, field);
+    refuse_others_on_items(reader, section, table, field);
     if section.table.entries().len() < 2 {
         let keys = section.keys.iter().map(|key| key.name);
         let message = format!("`{}` has no effect", section.path);
@@ -281,13 +347,26 @@ fn cross(
         let names = fields.iter().map(|field| field.name.as_str());
         names.filter(|name| *name != instrument.signal)
     };
-    let mut shares = std::collections::BTreeMap::new();
-    for entry in table.table.entries() {
-        let path = table.path_of(&entry.key);
-        match fields.iter().find(|field| field.is_called(&entry.key)) {
+    let mut leaves = Vec::new();
+    collect(table.table, "", fields, &mut leaves);
+    let mut shares: BTreeMap<String, (Written, f64)> = BTreeMap::new();
+    for (name, entry) in leaves {
+        let path = table.path_of(&name);
+        match fields.iter().find(|field| field.is_called(&name)) {
             Some(field) if field.name != instrument.signal => {
                 let share = reader.quantity(&path, &entry.node, &Quantity::finite("1"));
-                share.map(|share| shares.insert(field.name.clone(), share));
+                let Some(share) = share else { continue };
+                let written = Written::new(&name, true, share, &entry.node.place);
+                match written.beats(shares.get(&field.name).map(|(earlier, _)| earlier)) {
+                    Ok(true) => {
+                        shares.insert(field.name.clone(), (written, share));
+                    }
+                    Ok(false) => {}
+                    Err(message) => {
+                        let place = &entry.node.place;
+                        reader.report(ProblemKind::Duplicate, path, place, message);
+                    }
+                }
             }
             Some(_) => {
                 let message = format!("`{path}` is the signal itself");
@@ -297,32 +376,44 @@ fn cross(
                     .help("`scale` is its own factor");
             }
             None => {
-                let message = format!("`{path}`: the plant does not measure `{}`", entry.key);
+                let message = format!("`{path}`: the plant does not measure `{name}`");
                 reader
                     .report(ProblemKind::UnknownName, path, &entry.key_place, message)
-                    .one_of(&entry.key, others());
+                    .one_of(&name, others());
             }
         }
     }
-    instrument.cross = shares;
+    let shares = shares.into_iter();
+    instrument.cross = shares.map(|(name, (_, share))| (name, share)).collect();
 }
 
-/// Reports noise on a signal that has only a few values.
-fn refuse_noise_on_items(reader: &mut Reader, section: &Section<'_>, field: &Field) {
+/// Reports keys that would give a signal with only a few values other ones.
+fn refuse_others_on_items(reader: &mut Reader, section: &Section<'_>, table: &str, field: &Field) {
     if !field.is_discrete {
         return;
     }
-    for key in NOISE {
+    let delay = match table {
+        "sensors" => "delay_s",
+        _ => "dead_time_s",
+    };
+    let keys = section.keys.iter().map(|key| key.name);
+    for key in keys.filter(|key| !KEEP_ITEMS.contains(key)) {
         if section.table.get(key).is_none() {
             continue;
         }
         let path = section.path_of(key);
+        let reason = match NOISE.contains(&key) {
+            true => "cannot have noise",
+            false => "has no other values",
+        };
         let message = format!(
-            "`{path}`: `{}` is an enumeration or a Boolean, which cannot have noise",
+            "`{path}`: `{}` is an enumeration or a Boolean, which {reason}",
             field.name
         );
         reader
             .report_at(section, key, ProblemKind::Mismatch, message)
-            .expected("`rate_hz`, `phase_steps` or `delay_s` of such a signal");
+            .expected(format!(
+                "`rate_hz`, `phase_steps` or `{delay}` of such a signal"
+            ));
     }
 }

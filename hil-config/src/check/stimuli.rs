@@ -1,5 +1,7 @@
 //! `[[stimuli]]`: reference signals and driven inputs of the plant, with their waveforms.
 
+mod whole;
+
 use std::collections::HashSet;
 use std::path::Path;
 
@@ -31,6 +33,7 @@ pub(super) fn check(
     for section in &sections {
         let stimulus = stimulus(reader, section, folder, grid, (law, plant));
         if let Some(stimulus) = &stimulus {
+            whole::refuse_fractions(reader, section, stimulus, grid);
             let fields = stimulus.fields();
             let again = fields.iter().find(|field| names.contains(&field.name));
             if let Some(field) = again {
@@ -59,7 +62,7 @@ fn stimulus(
     if let Some(input) = input_of(section) {
         return of_input(reader, section, folder, grid, plant, input);
     }
-    let target = target(reader, section);
+    let target = target(reader, section, law);
     let needed = target.zip(law).and_then(|(target, law)| {
         let mut reference = law.reference.iter();
         reference.find(|field| field.is_called(target))
@@ -79,6 +82,7 @@ fn stimulus(
         target: target?.into(),
         unit: unit?,
         range: Stimulus::any_range(),
+        is_whole: needed.is_some_and(|field| field.is_whole),
         waveform: waveform?,
     })
 }
@@ -128,17 +132,30 @@ fn of_input(
         aliases: field.aliases.clone(),
         unit: field.unit.clone(),
         range: [field.min, field.max].map(|end| end.clamp(f64::MIN, f64::MAX)),
+        is_whole: field.is_whole,
         waveform: waveform?,
     })
 }
 
-fn target<'a>(reader: &mut Reader, section: &Section<'a>) -> Option<&'a str> {
+/// Returns the target: a name, or a reference signal of the law, whose name may have dots.
+fn target<'a>(
+    reader: &mut Reader,
+    section: &Section<'a>,
+    law: Option<&LawDescription>,
+) -> Option<&'a str> {
     let target = reader.text(section, "target")?;
-    if is_name(target) {
+    let is_reference =
+        |law: &LawDescription| (law.reference.iter()).any(|field| field.is_called(target));
+    if is_name(target) || law.is_none_or(is_reference) {
         return Some(target);
     }
-    let expected = "a name of letters, digits and _, for example surface_angle_rad";
-    reader.refuse(section, "target", target, expected);
+    let path = section.path_of("target");
+    let message = format!("`{path}` is `{target}`");
+    let references = law.into_iter().flat_map(|law| &law.reference);
+    reader
+        .report_at(section, "target", ProblemKind::OutOfRange, message)
+        .expected("a name of letters, digits and _, for example surface_angle_rad, or a reference signal of the law")
+        .nearest(target, references.flat_map(Field::names));
     None
 }
 

@@ -6,7 +6,7 @@
 use std::collections::{HashMap, HashSet};
 
 use shared_types::record::RecordLayout;
-use shared_types::table::{nearest, unit_of_name};
+use shared_types::table::{Field, nearest, unit_of_name};
 
 /// Group of a signal, the first part of its name in expressions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -102,12 +102,7 @@ impl From<&RecordLayout> for Columns {
         let mut columns = Self::default();
         for (group, fields) in Group::ALL.into_iter().zip(layout.groups()) {
             for field in fields {
-                columns.push_with_unit(group, &field.name, &field.unit);
-                let place = columns.len() - 1;
-                for alias in &field.aliases {
-                    let path = format!("{}.{alias}", group.prefix());
-                    columns.aliases.insert(path, place);
-                }
+                columns.push_field(group, field);
             }
         }
         columns
@@ -127,6 +122,16 @@ impl Columns {
         self.places.entry(name.clone()).or_insert(place);
         self.names.push(name);
         self.units.push(unit.into());
+    }
+
+    /// Adds the column of a signal, with its unit and its aliases.
+    pub(crate) fn push_field(&mut self, group: Group, field: &Field) {
+        self.push_with_unit(group, &field.name, &field.unit);
+        let place = self.len() - 1;
+        for alias in &field.aliases {
+            let path = format!("{}.{alias}", group.prefix());
+            self.aliases.insert(path, place);
+        }
     }
 
     /// Adds a column with the unit of its name's suffix.

@@ -22,6 +22,9 @@ pub struct Stimulus {
     /// Smallest and largest value that the plant declares for the input; any finite one for a reference signal.
     #[serde(default = "Stimulus::any_range", skip_serializing_if = "is_any")]
     pub range: [f64; 2],
+    /// `true` if the law or the plant takes whole numbers only.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_whole: bool,
     /// Course.
     pub waveform: Waveform,
 }

@@ -4,9 +4,10 @@
 //! it, `sensor.lag_hz.angle_rad`. Only the inputs that `--record` or the scenario names are recorded; without such
 //! names a run has neither their columns nor their work.
 
-use std::collections::HashSet;
+use std::collections::{HashMap, HashSet};
 
 use shared_types::describe::PlantDescription;
+use shared_types::layout::schema_name;
 use shared_types::table::Field;
 use shared_types::time::Rate;
 
@@ -58,15 +59,17 @@ fn possible(
     let of = |index: usize, signal: &str, fields: &[Field], stages: &[Stage]| {
         let own = fields.iter().find(|field| field.name == signal);
         let column = |(name, place): (String, usize)| {
-            let at = match place {
-                0 => String::new(),
-                place => format!(" at its stage `{}`", stages[place].key),
+            let own = own?;
+            let (at, prefix) = match stages[place].key {
+                _ if place == 0 => (String::new(), String::new()),
+                key => (format!(" at its stage `{key}`"), format!("{key}.")),
             };
+            let aliases = own.aliases.iter();
             let field = Field {
                 name,
                 description: format!("Input of the instrument of {signal}{at}."),
-                aliases: Vec::new(),
-                ..own?.clone()
+                aliases: aliases.map(|alias| format!("{prefix}{alias}")).collect(),
+                ..own.clone()
             };
             Some((index, field))
         };
@@ -87,12 +90,37 @@ fn possible(
     [sensors.collect(), actuators.collect()]
 }
 
+/// Returns two taps that a recording could not distinguish, by their full names, and the index of the instrument of
+/// the second in the table that is named first.
+pub(crate) fn indistinguishable(
+    plant: &PlantDescription,
+    instruments: [&[Instrument]; 2],
+    rate: Rate,
+) -> Option<(&'static str, usize, [String; 2])> {
+    let all = possible(plant, instruments, rate);
+    let tables = ["sensors", "actuators"];
+    let sides = tables.into_iter().zip(GROUPS).zip(instruments);
+    for (((table, group), instruments), taps) in sides.zip(all) {
+        let mut names: HashMap<String, (usize, String)> = HashMap::new();
+        for (index, Field { name, .. }) in taps {
+            let full = format!("{}.{name}", group.prefix());
+            let other = names.insert(schema_name(&name), (index, full.clone()));
+            // Two entries of one signal are another fault.
+            let is_other = |at: usize| instruments[at].signal != instruments[index].signal;
+            if let Some((_, other)) = other.filter(|(at, _)| is_other(*at)) {
+                return Some((table, index, [other, full]));
+            }
+        }
+    }
+    None
+}
+
 impl Columns {
     /// Adds the columns of taps of sensors and of actuators.
     pub(crate) fn push_taps<'a>(&mut self, taps: [impl IntoIterator<Item = &'a Field>; 2]) {
         for (group, fields) in GROUPS.into_iter().zip(taps) {
             for field in fields {
-                self.push_with_unit(group, &field.name, &field.unit);
+                self.push_field(group, field);
             }
         }
     }
@@ -121,25 +149,37 @@ impl Plan {
 
     /// Also records the taps whose full names, such as `sensor.angle_rad`, satisfy `is_recorded`.
     pub fn tap(&mut self, plant: &PlantDescription, is_recorded: impl Fn(&str) -> bool) {
+        self.tap_fields_of(plant, |group, field| {
+            is_recorded(&format!("{}.{}", group.prefix(), field.name))
+        });
+    }
+
+    fn tap_fields_of(
+        &mut self,
+        plant: &PlantDescription,
+        is_recorded: impl Fn(Group, &Field) -> bool,
+    ) {
         let all = possible(plant, [&self.sensors, &self.actuators], self.run.rate);
         let sides = [&mut self.sensors, &mut self.actuators];
         for ((group, taps), instruments) in GROUPS.into_iter().zip(all).zip(sides) {
-            for (index, Field { name, .. }) in taps {
+            for (index, field) in taps {
                 let recorded = &mut instruments[index].taps;
-                if is_recorded(&format!("{}.{name}", group.prefix())) && !recorded.contains(&name) {
-                    recorded.push(name);
+                if is_recorded(group, &field) && !recorded.contains(&field.name) {
+                    recorded.push(field.name);
                 }
             }
         }
     }
 
-    /// Records the taps that the scenario's expressions, plots and panel name.
+    /// Records the taps that the scenario's expressions, plots and panel name, also by an alias.
     pub(crate) fn tap_named(&mut self, plant: &PlantDescription) {
         if self.sensors.is_empty() && self.actuators.is_empty() {
             return;
         }
         let names = self.named_signals();
-        self.tap(plant, |name| names.contains(name));
+        self.tap_fields_of(plant, |group, field| {
+            (field.names()).any(|name| names.contains(&format!("{}.{name}", group.prefix())))
+        });
     }
 
     /// Lists all signals that its expressions, plots and panel name.

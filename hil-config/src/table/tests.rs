@@ -161,6 +161,62 @@ fn a_table_may_be_zero_after_its_end() {
 }
 
 #[test]
+fn a_table_that_repeats_shows_its_first_row_at_every_wrap_in_spite_of_rounding() {
+    // Times of rows and number of steps of 1 ms between two wraps.
+    let cases: [(&[f64], u32); 3] = [
+        (&[0.0, 0.1, 0.2, 0.3], 300),
+        (&[0.0, 0.7], 700),
+        (&[0.05, 0.05 + 0.1, 0.05 + 0.25, 0.05 + 0.7], 700),
+    ];
+    for (time_s, period) in cases {
+        let last = time_s.len() - 1;
+        let begin = (time_s[0] * 1000.0).round() as u32;
+        for interpolation in Interpolation::ALL {
+            let mut values = vec![0.0; time_s.len()];
+            values[last] = match interpolation {
+                Interpolation::Cubic => 0.0,
+                Interpolation::Linear | Interpolation::Hold => 3.0,
+            };
+            let table = table(points(time_s, &[&values]), interpolation, true);
+            for wrap in 1..200 {
+                let step = begin + wrap * period;
+                let value = table.value(f64::from(step) / 1000.0);
+                assert!(
+                    value.abs() < 1e-9,
+                    "{interpolation:?}: step {step}: {value}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn the_last_row_precedes_the_zero_after_the_end_in_spite_of_rounding() {
+    let times_s = [0.1, 0.15, 0.3];
+    for interpolation in Interpolation::ALL {
+        let points = points(&times_s, &[&[4.0, 5.0, 6.0]]);
+        let table = Table::new(points, interpolation, false, AfterEnd::Zero).expect("a table");
+        // 0.1 + 0.2 is above 0.3.
+        for time_s in [0.3 - 1e-16, 0.3, 0.1 + 0.2] {
+            assert!(
+                (table.value(time_s) - 6.0).abs() < 1e-9,
+                "{interpolation:?}"
+            );
+        }
+        assert_eq!(table.value(0.301), 0.0);
+    }
+}
+
+#[test]
+fn the_slope_begins_at_the_first_row_in_spite_of_rounding() {
+    let first_s = 0.1 + 0.2;
+    let table = Table::linear(points(&[first_s, 1.0 + first_s], &[&[7.0, 9.0]]));
+    assert!(0.3 < first_s);
+    assert_eq!(row(&table, 0.3), [7.0, 2.0]);
+    assert_eq!(row(&table, 0.299), [7.0, 0.0]);
+}
+
+#[test]
 fn combinations_without_a_meaning_are_refused() {
     let refused = |points: Points, interpolation, repeat| {
         Table::new(points, interpolation, repeat, AfterEnd::Hold).expect_err("no meaning")

@@ -30,7 +30,7 @@ impl ColumnName {
             let inner = name
                 .strip_suffix(close)
                 .and_then(|rest| rest.split_once(open));
-            if let Some((label, unit)) = inner {
+            if let Some((label, unit)) = inner.filter(|_| !is_element(name)) {
                 return Self {
                     name: name.into(),
                     label: label.trim().into(),
@@ -81,6 +81,17 @@ impl ColumnName {
     }
 }
 
+/// Returns `true` if a name ends with the index of an element, as `position[1]`; `ratio [1]` has the unit 1.
+fn is_element(name: &str) -> bool {
+    let inner = name
+        .strip_suffix(']')
+        .and_then(|rest| rest.rsplit_once('['));
+    inner.is_some_and(|(label, index)| {
+        let is_index = !index.is_empty() && index.bytes().all(|c| c.is_ascii_digit());
+        is_index && !label.is_empty() && !label.ends_with(char::is_whitespace)
+    })
+}
+
 fn is_time(label: &str) -> bool {
     TIMES.iter().any(|time| label.eq_ignore_ascii_case(time))
 }
@@ -118,6 +129,11 @@ mod tests {
             ("Time (ms)", "Time", "ms"),
             ("timestamp_ns", "timestamp", "ns"),
             ("gain [-]", "gain", "1"),
+            ("ratio [1]", "ratio", "1"),
+            // Elements of arrays.
+            ("v[1]", "v[1]", ""),
+            ("/thing.position[1]", "/thing.position[1]", ""),
+            ("/thing.position[12]", "/thing.position[12]", ""),
             ("value", "value", ""),
             (
                 "reference.surface_angle_rad",

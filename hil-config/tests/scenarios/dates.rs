@@ -55,7 +55,7 @@ fn dates_that_are_mixed_or_do_not_rise_are_refused_with_their_line() {
         (
             "time,x\n2026-11-28T05:00:00,1\n2026-11-28T05:00:01+01:00,2\n",
             3,
-            "has a zone, and the first row has none",
+            "has a zone, but the first row has none",
             "a zone in every row or in none",
         ),
         (

@@ -210,7 +210,7 @@ fn every_faulty_input_is_refused_with_its_reason() {
         ),
         (
             BASE.to_owned() + "[[actuators]]\nsignal = \"wind_mps\"\nbits = 8\nrange = [-1, 1]\n",
-            &["wind_mps"],
+            &["no law commands `wind_mps`, so it has no actuator"],
         ),
         (
             BASE.to_owned()
@@ -357,4 +357,103 @@ fn a_shown_plan_has_its_inputs() {
         "{text_of_plan}"
     );
     assert_eq!(self::plan(&text_of_plan), plan, "{text_of_plan}");
+}
+
+/// Checks a text against a plant whose wind and ambient temperature are whole numbers.
+fn checked_whole(text: &str) -> Result<Plan, Problems> {
+    let mut plants = plants();
+    for field in plants.iter_mut().flat_map(|plant| &mut plant.commands) {
+        field.is_whole = field.name != "force_n";
+    }
+    let scenario = Scenario::parse(text, "folder/inputs.toml")?;
+    scenario.check(&plants, &descriptions::laws(), &descriptions::kinds())
+}
+
+#[test]
+fn fractions_for_an_input_of_whole_numbers_are_refused_before_the_run() {
+    let course = "kind = \"ramp\"\nduration_s = 1.0\nend = 5.0\n";
+    let held = "kind = \"table\"\ntime_s = [0, 1]\nvalues = [2, 4]\ninterpolation = \"hold\"\n";
+    let whole = with(course, held);
+    let change = |text: &str| format!("{whole}[[changes]]\nat_s = 0.5\n{text}\n");
+    checked_whole(&whole).expect("whole numbers");
+    checked_whole(&change("set = { input.wind_mps = 3.0 }")).expect("a whole number");
+    let text = checked_whole(&with("end = 5.0", "end = 0.0")).map(|_| ());
+    text.expect("a ramp that stays where it is");
+    for (text, message) in [
+        (
+            BASE.to_owned(),
+            "`stimuli[1]`: `plant.wind_mps` takes whole numbers only, but is 0.05 at 0.01 s",
+        ),
+        (
+            whole.replace("interpolation = \"hold\"", "interpolation = \"linear\""),
+            "takes whole numbers only, but is 2.02 at 0.01 s",
+        ),
+        (
+            whole.replace("280.0", "280.5"),
+            "`plant.inputs.ambient_k` is 280.5, not a whole number",
+        ),
+        (
+            change("set = { input.wind_mps = 0.4 }"),
+            "`changes[0].set.input.wind_mps` is 0.4, not a whole number",
+        ),
+        (
+            change("ramp_s = 0.1\nset = { input.wind_mps = 3.0 }"),
+            "`input.wind_mps` takes whole numbers only, so it cannot change along a ramp",
+        ),
+    ] {
+        let problems = checked_whole(&text).expect_err(message);
+        let messages: Vec<&str> = problems.0.iter().map(|one| &*one.message).collect();
+        assert!(
+            messages.iter().any(|one| one.contains(message)),
+            "{message}: {messages:#?}"
+        );
+    }
+}
+
+#[test]
+fn a_change_of_an_instrument_in_the_run_is_refused_with_the_fault_that_does_the_same() {
+    let plan = plan(BASE);
+    let plant = plan.plant_among(&plants()).expect("it is there");
+    let context = RequestContext::of(&plan, &plant, &descriptions::kinds());
+    for (key, group) in [
+        ("sensors[0].bits", "measured"),
+        ("sensor.position_m", "measured"),
+        ("sensed.position_m", "measured"),
+        ("actuators[0].lag_hz", "command"),
+    ] {
+        let request = ChangeRequest {
+            set: vec![NewValue {
+                key: key.into(),
+                value: 4.0,
+            }],
+            ..ChangeRequest::default()
+        };
+        let problems = context.check_change(&request, ("pid", &[]), 1);
+        let problem = &problems.expect_err("an instrument").0[0];
+        let message = format!("`{key}` cannot be changed during the run");
+        assert_eq!(problem.message, message);
+        let help = problem.help.as_deref().expect("advice");
+        assert!(
+            help.contains(&format!("hil inject KIND {group}.SIGNAL")),
+            "{help}"
+        );
+    }
+}
+
+#[test]
+fn a_reference_signal_with_dots_is_driven_under_its_name() {
+    let mut laws = descriptions::laws();
+    for law in laws.iter_mut().filter(|law| law.name == "pid") {
+        (law.reference).push(Field::signal("rig.a.x", "1", "Set point."));
+    }
+    let check = |target: &str| {
+        let text =
+            format!("{BASE}[[stimuli]]\ntarget = \"{target}\"\nkind = \"step\"\nafter = 1.0\n");
+        let scenario = Scenario::parse(&text, "folder/inputs.toml").expect("TOML");
+        scenario.check(&plants(), &laws, &descriptions::kinds())
+    };
+    let plan = check("rig.a.x").expect("a reference signal");
+    assert_eq!(plan.stimuli[2].key(), "reference.rig.a.x");
+    let problems = check("rig.a.y").expect_err("unknown").to_string();
+    assert!(problems.contains("nearest: `rig.a.x`"), "{problems}");
 }

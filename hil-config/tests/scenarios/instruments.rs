@@ -1,9 +1,11 @@
 //! `[[sensors]]` and `[[actuators]]`: their meaning, refusals, and the way in which they are shown.
 
-use hil_config::plan::{Instrument, Plan};
+use hil_config::plan::{DerivedSource, Instrument, Plan};
 use hil_config::problem::ProblemKind::{
     self, Duplicate, Mismatch, MissingKey, OutOfRange, UnknownKey, UnknownName, WrongType,
 };
+use hil_config::problem::Problems;
+use shared_types::table::Field;
 
 use crate::bad::assert_found;
 use crate::{BASE, descriptions, only, plan, problems};
@@ -152,7 +154,9 @@ const REFUSED: &[(&str, ProblemKind, &str, &[&str])] = &[
     ("", MissingKey, "sensors[0]", &["has no effect", "`noise_density`"]),
     ("scale = 2\n[[sensors]]\nsignal = \"surface_angle_rad\"\nbias = 1", Duplicate, "sensors[1].signal", &["`sensors` has two entries"]),
     ("scale = 2\n[[sensors]]\nsignal = \"surface_angle\"\nbias = 1", UnknownName, "sensors[1].signal", &["nearest: `surface_angle_rad`"]),
-    ("scale = 2\n[[actuators]]\nsignal = \"surface_angle_rad\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["which is not a signal of the plant", "actuator1_valve_current_a"]),
+    ("scale = 2\n[[actuators]]\nsignal = \"surface_angle_rad\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["`surface_angle_rad` is a measured signal of the plant; use [[sensors]]", "actuator1_valve_current_a"]),
+    ("scale = 2\n[[actuators]]\nsignal = \"surface_angel\"\nbacklash = 1", UnknownName, "actuators[0].signal", &["which is not a signal of the plant", "actuator1_valve_current_a"]),
+    ("scale = 2\n[[sensors]]\nsignal = \"actuator1_valve_current_a\"\nbias = 1", UnknownName, "sensors[1].signal", &["`actuator1_valve_current_a` is a command of the plant; use [[actuators]]"]),
 ];
 
 #[test]
@@ -166,27 +170,129 @@ fn an_impossible_instrument_is_refused_with_its_place_and_the_alternatives() {
     }
 }
 
-#[test]
-fn noise_on_an_enumeration_is_refused() {
+/// Checks a text against the plants, of which each signal has passed through `alter`, and which measure one more.
+fn checked_with(
+    text: &str,
+    alter: impl Fn(&mut Field),
+    further: Option<Field>,
+) -> Result<Plan, Problems> {
     let mut plants = descriptions::plants();
     for plant in &mut plants {
-        for field in plant
-            .measured
-            .iter_mut()
-            .filter(|field| field.name == ANGLE)
-        {
-            field.is_discrete = true;
-        }
+        let signals = plant.measured.iter_mut().chain(&mut plant.commands);
+        signals.for_each(&alter);
+        plant.measured.extend(further.clone());
     }
-    let check = |keys: &str| {
-        let scenario = crate::parse(&sensor(keys)).expect("TOML");
-        scenario.check(&plants, &descriptions::laws(), &descriptions::kinds())
+    let scenario = crate::parse(text).expect("TOML");
+    scenario.check(&plants, &descriptions::laws(), &descriptions::kinds())
+}
+
+#[test]
+fn stages_that_change_the_values_of_an_enumeration_are_refused() {
+    let check = |text: &str| {
+        let alter = |field: &mut Field| {
+            field.is_discrete = [ANGLE, CURRENT].contains(&field.name.as_str());
+        };
+        checked_with(text, alter, None)
     };
-    check("delay_s = 0.01").expect("a delay keeps the values");
-    let problems = check("noise_sigma = 0.1").expect_err("noise does not");
-    let text = problems.to_string();
-    assert!(text.contains("which cannot have noise"), "{text}");
-    assert!(text.contains("`delay_s`"), "{text}");
+    let keys = "delay_s = 0.01\nrate_hz = 500\nphase_steps = 1";
+    check(&sensor(keys)).expect("a delay and a rate keep the values");
+    for (keys, reason) in [
+        ("noise_sigma = 0.1", "cannot have noise"),
+        ("scale = 2", "has no other values"),
+        ("bias = 1", "has no other values"),
+        ("lag_hz = 10", "has no other values"),
+        ("range = [0, 1]", "has no other values"),
+        ("resolution = 0.5", "has no other values"),
+    ] {
+        let text = check(&sensor(keys)).expect_err(keys).to_string();
+        let reason = format!("is an enumeration or a Boolean, which {reason}");
+        assert!(text.contains(&reason), "{text}");
+        assert!(text.contains("`phase_steps` or `delay_s`"), "{text}");
+    }
+    let actuator = |keys: &str| with(&format!("[[actuators]]\nsignal = \"{CURRENT}\"\n{keys}"));
+    check(&actuator("dead_time_s = 0.01")).expect("a dead time keeps the values");
+    for key in ["rate_limit_per_s", "lag_hz", "dead_band", "backlash"] {
+        let text = check(&actuator(&format!("{key} = 1"))).expect_err(key);
+        let text = text.to_string();
+        assert!(text.contains("which has no other values"), "{text}");
+        assert!(text.contains("`phase_steps` or `dead_time_s`"), "{text}");
+    }
+}
+
+#[test]
+fn two_inputs_of_stages_with_one_column_name_are_refused() {
+    let text = sensor(&format!(
+        "scale = 2\nbias = 1\n[[sensors]]\nsignal = \"bias_{ANGLE}\"\nscale = 3"
+    ));
+    let check = |text: &str| {
+        let further = Field::signal(&format!("bias_{ANGLE}"), "rad", "x");
+        checked_with(text, |_| {}, Some(further))
+    };
+    let problems = check(&text).expect_err("one column for two signals");
+    let problem = only(problems.0);
+    assert_eq!(
+        (problem.kind, &*problem.key),
+        (Duplicate, "sensors[1].signal")
+    );
+    let message = problem.to_string();
+    for name in [
+        "sensor.bias.surface_angle_rad",
+        "sensor.bias_surface_angle_rad",
+    ] {
+        assert!(message.contains(&format!("`{name}`")), "{message}");
+    }
+    check(&text.replace("scale = 2\n", "")).expect("the first stage has the name of its signal");
+}
+
+#[test]
+fn the_inputs_of_stages_have_the_aliases_of_their_signals() {
+    let derived =
+        "[[derived]]\nname = \"e\"\nexpression = \"sensor.other.out + sensor.bias.other.out\"";
+    let text = format!("{}\n{derived}", sensor("scale = 2\nbias = 1"));
+    let alter = |field: &mut Field| {
+        if field.name == ANGLE {
+            field.aliases = vec!["other.out".into()];
+        }
+    };
+    let plan = checked_with(&text, alter, None);
+    let plan = plan.expect("aliases are names");
+    let names = [ANGLE.to_owned(), format!("bias.{ANGLE}")];
+    assert_eq!(plan.sensors[0].taps, names);
+    let Some(DerivedSource::Expression(expression)) = plan.derived.last().map(|one| &one.source)
+    else {
+        panic!("no expression");
+    };
+    let signals: Vec<&str> = expression.signals().collect();
+    assert_eq!(signals, names.map(|name| format!("sensor.{name}")));
+}
+
+#[test]
+fn shares_of_other_signals_are_named_with_dots_and_aliases_but_once() {
+    let check = |cross: &str| {
+        let further = Field {
+            aliases: vec!["other".into()],
+            ..Field::signal("rig.n", "1", "x")
+        };
+        let text = sensor(&format!("cross = {cross}"));
+        checked_with(&text, |_| {}, Some(further))
+    };
+    for cross in [
+        "{ rig.n = 0.25 }",
+        "{ \"rig.n\" = 0.25 }",
+        "{ other = 0.25 }",
+        "{ rig.n = 0.25, other = 0.25 }",
+    ] {
+        let plan = check(cross).expect(cross);
+        assert_eq!(plan.sensors[0].cross["rig.n"], 0.25);
+    }
+    let problem = only(
+        check("{ rig.n = 0.25, other = 0.5 }")
+            .expect_err("two values")
+            .0,
+    );
+    assert_eq!(problem.kind, Duplicate);
+    let message = problem.to_string();
+    assert!(message.contains("names of one variable"), "{message}");
 }
 
 #[test]

@@ -149,6 +149,7 @@ pub(super) fn job(steps: u64) -> Job {
             target: "position_m".into(),
             unit: "m".into(),
             range: Stimulus::any_range(),
+            is_whole: false,
             waveform,
         }],
         faults: vec![FaultEvent {

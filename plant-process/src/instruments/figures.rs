@@ -1,18 +1,12 @@
 //! Figures of an instrument that follow from its keys and the rate of the run: noise, delay, phase.
 //!
-//! Used by `hil config show --instruments`. The figures of a lag follow from the impulse response of the stage that
+//! Used by `hil config show --instruments`. The figures of a lag follow from the transfer function of the stage that
 //! runs. Nonlinear stages (rate limit, dead band, backlash, the ends of the range) have no figure here.
 
-use hil_config::plan::{Instrument, Stage};
-use shared_types::describe::Invalid;
+use hil_config::plan::Instrument;
 use shared_types::time::Rate;
 
-use super::started;
-use crate::faults::kind::{Moment, Reading};
-use crate::faults::kinds;
-
-/// Maximum length of an impulse response, in steps.
-const LONGEST: u64 = 1 << 20;
+use crate::faults::kinds::lag::Response;
 
 /// Figures of an instrument.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,91 +21,42 @@ pub struct Figures {
     pub hold_s: f64,
     /// Delay of slow signals by the lag in s.
     pub lag_s: f64,
-    period_s: f64,
-    /// Impulse response of the lag; one value without a lag.
-    impulse: Vec<f64>,
+    rate: Rate,
+    lag: Option<Response>,
 }
 
 impl Figures {
     /// Computes the figures of a sensor or actuator at a rate.
-    ///
-    /// # Errors
-    /// If the keys are inconsistent.
-    pub fn of(instrument: &Instrument, rate: Rate) -> Result<Self, Invalid> {
-        let period_s = rate.period_s();
-        let is_lag = |stage: &&Stage| ["lag", "second-order-lag"].contains(&stage.kind.as_str());
-        let stages = instrument.actuator_stages(rate);
-        let impulse = match stages.iter().find(is_lag) {
-            Some(stage) => impulse(stage, rate)?,
-            None => vec![1.0],
-        };
-        let passed: f64 = impulse.iter().map(|value| value * value).sum();
-        let sum: f64 = impulse.iter().sum();
-        let moment: f64 = (0_u32..)
-            .zip(&impulse)
-            .map(|(step, value)| f64::from(step) * value)
-            .sum();
+    #[must_use]
+    pub fn of(instrument: &Instrument, rate: Rate) -> Self {
+        let damping = instrument.get("lag_damping");
+        let lag = instrument.get("lag_hz").map(|lag_hz| match damping {
+            None => Response::first_order(lag_hz, rate),
+            Some(damping) => Response::second_order(lag_hz, damping, rate),
+        });
         let density = instrument.density_sigma(rate).unwrap_or(0.0);
         let sample = instrument.get("noise_sigma").unwrap_or(0.0);
+        let passed = lag.map_or(1.0, |lag| lag.power);
         let dead = ["delay_s", "dead_time_s"];
-        Ok(Self {
+        Self {
             noise_sigma: (density * density * passed + sample * sample).sqrt(),
             quantisation_sigma: instrument.resolution().unwrap_or(0.0) / 12.0_f64.sqrt(),
             dead_s: (dead.iter().find_map(|key| instrument.get(key))).unwrap_or(0.0),
-            hold_s: (instrument.divisor(rate) - 1.0) / 2.0 * period_s,
-            lag_s: moment / sum * period_s,
-            period_s,
-            impulse,
-        })
+            hold_s: (instrument.divisor(rate) - 1.0) / 2.0 * rate.period_s(),
+            lag_s: lag.map_or(0.0, |lag| lag.delay_s),
+            rate,
+            lag,
+        }
     }
 
     /// Computes the phase loss at a frequency, in degrees.
     #[must_use]
     pub fn phase_loss_deg(&self, frequency_hz: f64) -> f64 {
-        let per_step = std::f64::consts::TAU * frequency_hz * self.period_s;
-        let (mut real, mut imaginary) = (0.0, 0.0);
-        for (step, value) in (0_u32..).zip(&self.impulse) {
-            let angle = per_step * f64::from(step);
-            real += value * libm::cos(angle);
-            imaginary += value * libm::sin(angle);
-        }
-        libm::atan2(imaginary, real).to_degrees()
-            + 360.0 * frequency_hz * (self.dead_s + self.hold_s)
+        let lag = self
+            .lag
+            .map(|lag| lag.phase_loss_rad(frequency_hz, self.rate));
+        lag.unwrap_or(0.0).to_degrees() + 360.0 * frequency_hz * (self.dead_s + self.hold_s)
     }
-}
-
-/// Computes the impulse response of a lag until it has faded.
-fn impulse(stage: &Stage, rate: Rate) -> Result<Vec<f64>, Invalid> {
-    let mut lag = started(&kinds::all(), stage, (rate, 0), (0, "", 0))?;
-    let mut answer = |step: u64, value| {
-        let at = Moment {
-            step,
-            since_steps: step,
-            since_s: rate.seconds(shared_types::time::Step(step)),
-            gain: 1.0,
-        };
-        lag.number(&at, Reading { value, valid: true }).value
-    };
-    answer(0, 0.0);
-    let mut values = vec![answer(1, 1.0)];
-    let (mut largest, mut faded) = (values[0].abs(), 0_usize);
-    for step in 2..LONGEST {
-        let value = answer(step, 0.0);
-        values.push(value);
-        if value.abs() > largest {
-            largest = value.abs();
-        }
-        // As long again as it took to fade: a resonance passes through 0.
-        faded = if value.abs() < 1e-12 * largest {
-            faded + 1
-        } else {
-            0
-        };
-        if 2 * faded > values.len() {
-            break;
-        }
-    }
-    Ok(values)
 }
 
 #[cfg(test)]
@@ -129,7 +74,7 @@ mod tests {
             values: settings,
             ..Instrument::default()
         };
-        Figures::of(&instrument, Rate::new(10_000.0).expect("legal")).expect("right")
+        Figures::of(&instrument, Rate::new(10_000.0).expect("legal"))
     }
 
     fn assert_near(value: f64, expected: f64, tolerance: f64) {
@@ -161,6 +106,16 @@ mod tests {
             2.0 * 0.3 / (std::f64::consts::TAU * 50.0),
             1e-6,
         );
+    }
+
+    #[test]
+    fn a_slow_and_a_barely_damped_lag_have_the_figures_of_their_closed_form() {
+        let slow = figures(&[("lag_hz", 0.002_65)]);
+        assert_near(slow.lag_s, 60.058_5, 1e-5);
+        assert_near(slow.phase_loss_deg(1.0), 89.848_2, 1e-5);
+        let resonant = figures(&[("lag_hz", 1.0), ("lag_damping", 0.001)]);
+        assert_near(resonant.lag_s, 0.000_318_31, 1e-5);
+        assert_near(resonant.phase_loss_deg(1.0), 90.0, 1e-4);
     }
 
     #[test]

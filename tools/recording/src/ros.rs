@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use mcap::records::Record;
 
 use crate::reader::content::{Content, ContentError};
-use message::Message;
+use message::{Message, Unread};
+use shared_types::number::counted;
 
 /// Error of reading such a file, or the reason `E` for which the receiver stopped.
 #[derive(Debug, thiserror::Error)]
@@ -27,6 +28,16 @@ pub enum RosError<E = std::convert::Infallible> {
     /// A message does not fit its schema.
     #[error("message {0} does not fit its schema")]
     Unfitting(usize),
+    /// An array of a message has fewer elements than a column needs.
+    #[error("message {message}: `{array}` has {}", counted(*.elements as u64, "element"))]
+    Short {
+        /// Number of the message, from 1.
+        message: usize,
+        /// Topic and path of the array.
+        array: String,
+        /// Number of its elements.
+        elements: usize,
+    },
     /// Fields of several topics have no common rows.
     #[error("the columns are of several topics, which have different rows: {0} and {1}")]
     Topics(String, String),
@@ -207,8 +218,13 @@ impl RosFile {
                 }
                 count += 1;
                 end = match message.read(sent.data, &paths, &mut row) {
-                    Some(()) => take(sent.time_ns, &row).map_err(RosError::Stopped),
-                    None => Err(RosError::Unfitting(count)),
+                    Ok(()) => take(sent.time_ns, &row).map_err(RosError::Stopped),
+                    Err(Unread::Damaged) => Err(RosError::Unfitting(count)),
+                    Err(Unread::Short { array, elements }) => Err(RosError::Short {
+                        message: count,
+                        array: format!("{topic}.{array}"),
+                        elements,
+                    }),
                 };
             })
             .map_err(RosError::File)?

@@ -9,6 +9,10 @@ use serde::{Deserialize, Serialize};
 use shared_types::describe::{ActsOn, Invalid};
 use shared_types::state::StateOf;
 
+mod response;
+
+pub(crate) use response::Response;
+
 use super::towards;
 use crate::faults::kind::{FaultKind, Moment, Reading, Setup};
 
@@ -39,6 +43,17 @@ pub struct Lag {
     last: Option<(f64, f64)>,
 }
 
+impl Lag {
+    /// Creates a lag whose corner turns by an angle in a step.
+    fn of(angle: f64) -> Self {
+        Self {
+            held: -libm::expm1(-angle),
+            ramp: ramp_share(angle),
+            last: None,
+        }
+    }
+}
+
 impl FaultKind for Lag {
     const NAME: &'static str = "lag";
     const SUMMARY: &'static str = "The value passes a low-pass filter of first order.";
@@ -55,12 +70,7 @@ impl FaultKind for Lag {
     }
 
     fn start(setup: &Setup<'_, LagParameters>) -> Result<Self, Invalid> {
-        let z = TAU * setup.parameters.lag_hz / setup.rate.hz();
-        Ok(Self {
-            held: -libm::expm1(-z),
-            ramp: ramp_share(z),
-            last: None,
-        })
+        Ok(Self::of(TAU * setup.parameters.lag_hz / setup.rate.hz()))
     }
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {
@@ -157,6 +167,19 @@ fn decay(angle: f64, damping: f64) -> (f64, f64) {
     ((slow + fast) / 2.0, (slow - fast) / (2.0 * b))
 }
 
+impl SecondOrderLag {
+    /// Creates a lag whose natural frequency turns by an angle in a step.
+    fn of(angle: f64, damping: f64) -> Self {
+        let step = (angle, damping);
+        Self {
+            of_distance: changes([1.0, 0.0], 0.0, step),
+            of_rate: changes([0.0, 1.0], 0.0, step),
+            of_ramp: changes([0.0, 0.0], 1.0 / angle, step),
+            last: None,
+        }
+    }
+}
+
 impl FaultKind for SecondOrderLag {
     const NAME: &'static str = "second-order-lag";
     const SUMMARY: &'static str =
@@ -174,13 +197,7 @@ impl FaultKind for SecondOrderLag {
 
     fn start(setup: &Setup<'_, SecondOrderLagParameters>) -> Result<Self, Invalid> {
         let angle = TAU * setup.parameters.lag_hz / setup.rate.hz();
-        let step = (angle, setup.parameters.lag_damping);
-        Ok(Self {
-            of_distance: changes([1.0, 0.0], 0.0, step),
-            of_rate: changes([0.0, 1.0], 0.0, step),
-            of_ramp: changes([0.0, 0.0], 1.0 / angle, step),
-            last: None,
-        })
+        Ok(Self::of(angle, setup.parameters.lag_damping))
     }
 
     fn number(&mut self, at: &Moment, x: Reading) -> Reading {

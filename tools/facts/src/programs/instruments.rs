@@ -5,7 +5,7 @@ use std::fmt::Write;
 use hil_config::plan::{Instrument, Plan};
 use plant_process::instruments::Figures;
 use serde_json::{Value, json};
-use shared_types::describe::{Invalid, LawDescription, PlantDescription};
+use shared_types::describe::{LawDescription, PlantDescription};
 use shared_types::number::{short, short_in};
 use shared_types::table::Field;
 
@@ -32,10 +32,7 @@ pub struct Sides<'a> {
 }
 
 /// Describes each instrument.
-fn described<'a>(
-    plan: &'a Plan,
-    Sides { plant, law }: Sides<'a>,
-) -> Result<Vec<Described<'a>>, Invalid> {
+fn described<'a>(plan: &'a Plan, Sides { plant, law }: Sides<'a>) -> Vec<Described<'a>> {
     // A law without commands of its own sends all those of the plant.
     let is_used = move |group: &str, field: &Field| {
         let fields = match group {
@@ -55,14 +52,14 @@ fn described<'a>(
             };
             let mut stages: Vec<_> = stages.iter().map(|stage| stage.key).collect();
             stages.dedup();
-            Ok(Described {
+            Described {
                 signal: format!("{group}.{}", instrument.signal),
                 unit: field.map_or("1", |field| field.unit.as_str()),
                 instrument,
                 stages,
-                figures: Figures::of(instrument, rate)?,
+                figures: Figures::of(instrument, rate),
                 is_used: field.is_none_or(|field| is_used(group, field)),
-            })
+            }
         })
     };
     let sensors = of("measured", &plan.sensors, &plant.measured);
@@ -72,13 +69,11 @@ fn described<'a>(
 }
 
 /// Describes the instruments of a plan, with their phase loss at these frequencies.
-///
-/// # Errors
-/// If the keys of an instrument are inconsistent.
-pub fn text(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Result<String, Invalid> {
+#[must_use]
+pub fn text(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> String {
     let mut text = String::new();
     let rate_hz = plan.run.rate.hz();
-    for one in described(plan, sides)? {
+    for one in described(plan, sides) {
         let Described {
             signal,
             unit,
@@ -153,14 +148,12 @@ pub fn text(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Result<Str
     if text.is_empty() {
         text = format!("{} has neither sensors nor actuators\n", plan.name);
     }
-    Ok(text)
+    text
 }
 
 /// Describes the same as JSON.
-///
-/// # Errors
-/// If the keys of an instrument are inconsistent.
-pub fn json(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Result<Value, Invalid> {
+#[must_use]
+pub fn json(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Value {
     let one = |one: Described<'_>| {
         let Described {
             instrument,
@@ -187,6 +180,6 @@ pub fn json(plan: &Plan, sides: Sides<'_>, frequencies_hz: &[f64]) -> Result<Val
             "phase": losses.collect::<Vec<_>>(),
         })
     };
-    let all = described(plan, sides)?.into_iter().map(one);
-    Ok(json!({"instruments": all.collect::<Vec<_>>()}))
+    let all = described(plan, sides).into_iter().map(one);
+    json!({"instruments": all.collect::<Vec<_>>()})
 }

@@ -147,7 +147,10 @@ impl RecordedRun {
     /// # Errors
     /// If a signal belongs to an unknown group.
     pub fn columns(&self, reader: &RunReader) -> Result<(Columns, Range<usize>), String> {
-        let layout = self.plan.record_layout(&self.plant, &self.law);
+        // A flag may have recorded more inputs of instruments than the scenario names.
+        let mut plan = self.plan.clone();
+        plan.tap(&self.plant, |_| true);
+        let layout = plan.record_layout(&self.plant, &self.law);
         let groups = Group::ALL.iter().zip(layout.groups());
         let names: BTreeMap<String, &Field> = groups
             .flat_map(|(group, fields)| fields.iter().map(move |field| (group, field)))

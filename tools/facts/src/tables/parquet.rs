@@ -4,7 +4,7 @@ use std::fs::File;
 use std::path::Path;
 
 use hil_config::table_file::{ColumnName, Objection, Refusal, TableSource, TakeRow};
-use parquet::basic::{LogicalType, TimeUnit, Type as Physical};
+use parquet::basic::{Compression, LogicalType, TimeUnit, Type as Physical};
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
 use parquet::schema::types::Type;
@@ -19,25 +19,27 @@ struct Table {
     columns: Vec<usize>,
 }
 
-/// Opens a file, whose columns are all listed.
-pub(super) fn open(path: &Path, _columns: &[&str]) -> Result<Box<dyn TableSource>, Refusal> {
+/// Opens a file, whose columns of numbers are all listed; one of these columns with other content is refused.
+pub(super) fn open(path: &Path, columns: &[&str]) -> Result<Box<dyn TableSource>, Refusal> {
     let refused = |error: &dyn std::fmt::Display| Refusal::new(error.to_string(), EXPECTED);
     let file = File::open(path).map_err(|error| refused(&error))?;
     let reader = SerializedFileReader::new(file).map_err(|error| refused(&error))?;
-    let fields = reader
-        .metadata()
-        .file_metadata()
-        .schema()
-        .get_fields()
-        .iter()
-        .enumerate();
-    let numbers = fields.filter(|(_, field)| {
-        let kind = field.is_primitive().then(|| field.get_physical_type());
-        matches!(
-            kind,
-            Some(Physical::INT32 | Physical::INT64 | Physical::FLOAT | Physical::DOUBLE)
-        )
-    });
+    let schema = reader.metadata().file_metadata().schema();
+    let is_sought = |field: &Type| {
+        let name = ColumnName::of(field.name());
+        columns
+            .iter()
+            .any(|one| *one == name.name || *one == name.label)
+    };
+    for field in schema.get_fields().iter().filter(|one| is_sought(one)) {
+        if let Some(content) = other_content(field) {
+            let name = field.name();
+            let message = format!("the column `{name}` contains {content}, not numbers");
+            return Err(Refusal::new(message, EXPECTED));
+        }
+    }
+    let fields = schema.get_fields().iter().enumerate();
+    let numbers = fields.filter(|(_, field)| other_content(field).is_none());
     let (columns, names): (Vec<usize>, Vec<ColumnName>) = numbers
         .map(|(at, field)| (at, ColumnName::with_unit(field.name(), unit(field))))
         .unzip();
@@ -51,6 +53,37 @@ pub(super) fn open(path: &Path, _columns: &[&str]) -> Result<Box<dyn TableSource
     }))
 }
 
+/// Describes the content of a column that has no numbers; `None` for one of numbers.
+fn other_content(field: &Type) -> Option<&'static str> {
+    if !field.is_primitive() {
+        return Some("nested values");
+    }
+    let is_half = matches!(
+        field.get_basic_info().logical_type_ref(),
+        Some(LogicalType::Float16)
+    );
+    match field.get_physical_type() {
+        Physical::INT32 | Physical::INT64 | Physical::FLOAT | Physical::DOUBLE => None,
+        Physical::BOOLEAN => Some("Booleans"),
+        Physical::INT96 => Some("dates of 96 bits"),
+        Physical::BYTE_ARRAY => Some("texts"),
+        Physical::FIXED_LEN_BYTE_ARRAY if is_half => Some("floats of 16 bits"),
+        Physical::FIXED_LEN_BYTE_ARRAY => Some("bytes"),
+    }
+}
+
+/// Returns the name of a compression that cannot be read.
+fn unreadable(compression: Compression) -> Option<&'static str> {
+    match compression {
+        Compression::UNCOMPRESSED | Compression::SNAPPY => None,
+        Compression::GZIP(_) => Some("gzip"),
+        Compression::LZO => Some("LZO"),
+        Compression::BROTLI(_) => Some("Brotli"),
+        Compression::LZ4 | Compression::LZ4_RAW => Some("LZ4"),
+        Compression::ZSTD(_) => Some("zstd"),
+    }
+}
+
 /// Returns the unit of a column of dates; other columns have it in their names.
 fn unit(field: &Type) -> &'static str {
     match field.get_basic_info().logical_type_ref() {
@@ -60,6 +93,26 @@ fn unit(field: &Type) -> &'static str {
             TimeUnit::NANOS => "ns",
         },
         _ => "",
+    }
+}
+
+impl Table {
+    /// Refuses a compression of these columns that cannot be read.
+    fn refuse_compressed(&self, columns: &[usize]) -> Result<(), Refusal> {
+        let metadata = self.reader.metadata();
+        let fields = metadata.file_metadata().schema().get_fields();
+        for chunk in (metadata.row_groups().iter()).flat_map(|group| group.columns()) {
+            let path = chunk.column_path().parts();
+            let name = path.first().map(String::as_str).unwrap_or_default();
+            let is_chosen = columns.iter().any(|&at| fields[at].name() == name);
+            if let Some(compression) = unreadable(chunk.compression()).filter(|_| is_chosen) {
+                return Err(Refusal::new(
+                    format!("the column `{name}` is compressed with {compression}"),
+                    "Parquet compressed with Snappy, or without compression",
+                ));
+            }
+        }
+        Ok(())
     }
 }
 
@@ -78,6 +131,7 @@ impl TableSource for Table {
             .iter()
             .map(|&at| schema.get_fields()[at].clone())
             .collect();
+        self.refuse_compressed(&indices)?;
         let place = |at: &usize| {
             indices
                 .iter()

@@ -1,6 +1,7 @@
 use std::path::{Path, PathBuf};
 
 use hil_config::table_file::{Refusal, TableSource};
+use parquet::file::writer::SerializedFileWriter;
 
 use super::FORMATS;
 use crate::fixture::{Content, layout, record, recorded};
@@ -58,6 +59,51 @@ fn a_parquet_file_of_pandas_is_a_table() {
         [1.0, 21_000.0, -3.0, 3.0],
     ];
     assert_eq!(all, expected);
+}
+
+#[test]
+fn a_compression_that_cannot_be_read_is_named_with_those_that_can() {
+    let mut bytes = std::fs::read(golden("flight.parquet")).expect("the file");
+    // Metadata of a column: its path, then the field of the codec.
+    let path = b"gust_mps\x15";
+    let at = bytes.windows(path.len()).position(|window| window == path);
+    let codec = at.expect("the path") + path.len();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("x.parquet");
+    // Codecs of the Parquet format, in zigzag encoding: 2, 4, 6 and 7.
+    for (code, name) in [(4, "gzip"), (8, "Brotli"), (12, "zstd"), (14, "LZ4")] {
+        bytes[codec] = code;
+        std::fs::write(&file, &bytes).expect("a file");
+        let refusal = rows(&file, &["gust_mps"]).expect_err("compressed");
+        let message = format!("the column `gust_mps` is compressed with {name}");
+        assert_eq!(refusal.message, message);
+        assert!(refusal.expected.contains("Snappy"), "{refusal:?}");
+        assert_eq!(rows(&file, &["mode"]).expect("another column").len(), 3);
+    }
+}
+
+#[test]
+fn a_column_without_numbers_is_named_with_its_content() {
+    let schema = "message table { required double time_s; required boolean valid; \
+        required binary name (STRING); required fixed_len_byte_array(2) half (FLOAT16); }";
+    let schema = parquet::schema::parser::parse_message_type(schema).expect("a schema");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("x.parquet");
+    let file = std::fs::File::create(&path).expect("a file");
+    let properties = std::sync::Arc::default();
+    SerializedFileWriter::new(file, schema.into(), properties)
+        .and_then(SerializedFileWriter::close)
+        .expect("a file without rows");
+    for (column, content) in [
+        ("valid", "Booleans"),
+        ("name", "texts"),
+        ("half", "floats of 16 bits"),
+    ] {
+        let refusal = open(&path, &[column]).err().expect("no numbers");
+        let message = format!("the column `{column}` contains {content}, not numbers");
+        assert_eq!(refusal.message, message);
+    }
+    open(&path, &["time_s"]).expect("numbers");
 }
 
 #[test]

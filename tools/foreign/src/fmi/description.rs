@@ -191,6 +191,26 @@ impl VariableType {
         }
     }
 
+    /// Returns the type in words with its article.
+    #[must_use]
+    pub fn phrase(self) -> String {
+        let name = self.name();
+        let article = match name.starts_with(['8', 'e', 'i', 'u']) {
+            true => "an",
+            false => "a",
+        };
+        format!("{article} {name}")
+    }
+
+    /// Returns `true` if only whole numbers are values of the type.
+    #[must_use]
+    pub const fn is_whole(self) -> bool {
+        !matches!(
+            self,
+            Self::Float32 | Self::Float64 | Self::String | Self::Binary | Self::Clock
+        )
+    }
+
     /// Returns the smallest and largest value that a row of numbers can represent exactly; `None` for types that are
     /// not numeric.
     #[must_use]

@@ -327,6 +327,7 @@ fn column(
             variable.kind,
             VariableType::Enumeration | VariableType::Boolean
         ),
+        is_whole: variable.kind.is_whole(),
         ..Field::signal(&name, &units.text(unit), &text)
     };
     Ok(Column {

@@ -162,6 +162,13 @@ struct Group {
     names: [&'static &'static str; 2],
 }
 
+/// Sets a value; returns `false` if a type cannot represent it exactly.
+fn set(kind: VariableType, buffer: &mut Buffer, index: usize, value: f64) -> bool {
+    // FMI 2 passes Booleans as integers, of which only two are Booleans.
+    let is_of_kind = kind != VariableType::Boolean || [0.0, 1.0].contains(&value);
+    is_of_kind && buffer.set(index, value)
+}
+
 /// Variables that are read or written together.
 #[derive(Debug)]
 pub(super) struct Values {
@@ -280,10 +287,10 @@ impl Values {
                         "`{name}` is set to {value}, which is not an item of its enumeration; use one of {items}"
                     )));
                 }
-                if !group.buffer.set(index, row[place]) {
-                    let (name, value, kind) = (&self.names[place], row[place], group.kind.name());
+                if !set(group.kind, &mut group.buffer, index, row[place]) {
+                    let (name, value, kind) = (&self.names[place], row[place], group.kind.phrase());
                     return Err(Refused::Value(format!(
-                        "`{name}` is set to {value}, which is not a {kind}"
+                        "`{name}` is set to {value}, which is not {kind}"
                     )));
                 }
             }
@@ -334,6 +341,20 @@ mod tests {
         assert_eq!(beyond.get(0), None);
         let beyond = Buffer::UInt64(vec![u64::MAX]);
         assert_eq!(beyond.get(0), None);
+    }
+
+    #[test]
+    fn a_boolean_is_set_to_0_or_1_in_both_versions() {
+        for version in [Version::Two, Version::Three] {
+            let mut flags = Buffer::new(version, VariableType::Boolean, 1);
+            for value in [0.0, 1.0] {
+                assert!(set(VariableType::Boolean, &mut flags, 0, value));
+                assert_eq!(flags.get(0), Some(value), "{version:?}");
+            }
+            for value in [-1.0, 2.0, 7.0, 0.4, f64::NAN] {
+                assert!(!set(VariableType::Boolean, &mut flags, 0, value), "{value}");
+            }
+        }
     }
 
     #[test]

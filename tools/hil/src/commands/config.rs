@@ -80,11 +80,10 @@ fn instruments(
         plant: &plant,
         law: &law,
     };
-    let text = match arguments.scenario.json {
-        true => figures::json(plan, sides, &arguments.at_hz).map(|value| format!("{value:#}\n")),
+    Ok(match arguments.scenario.json {
+        true => format!("{:#}\n", figures::json(plan, sides, &arguments.at_hz)),
         false => figures::text(plan, sides, &arguments.at_hz),
-    };
-    text.map_err(Failure::usage)
+    })
 }
 
 fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Arc<Binaries>, Interruption), Failure> {

@@ -31,6 +31,34 @@ enum Kind {
     Message(Message),
 }
 
+/// Reason why the numbers of a message cannot be read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) enum Unread {
+    /// The message does not fit its schema.
+    Damaged,
+    /// An array has no element of the index in a path.
+    Short {
+        /// Path of the array.
+        array: String,
+        /// Number of its elements.
+        elements: usize,
+    },
+}
+
+/// Part of a message.
+enum Part {
+    /// Number.
+    Number(f64),
+    /// Array of so many elements, before they follow.
+    Array(usize),
+}
+
+/// Returns the index that a path has for an array.
+fn index_in(path: &str, array: &str) -> Option<usize> {
+    let rest = path.strip_prefix(array)?.strip_prefix('[')?;
+    rest.split_once(']')?.0.parse().ok()
+}
+
 /// Number of elements.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Count {
@@ -110,18 +138,35 @@ impl Message {
         }
     }
 
-    /// Reads the numbers of these paths from a message; `None` if it does not fit, or lacks one of them.
-    pub(super) fn read(&self, data: &[u8], paths: &[&str], row: &mut [f64]) -> Option<()> {
+    /// Reads the numbers of these paths from a message.
+    ///
+    /// # Errors
+    /// If the message does not fit its schema, or lacks one of the numbers.
+    pub(super) fn read(&self, data: &[u8], paths: &[&str], row: &mut [f64]) -> Result<(), Unread> {
         let mut left = paths.len();
-        let mut sink = |path: &str, value: f64| {
-            for (number, _) in row.iter_mut().zip(paths).filter(|(_, one)| **one == path) {
-                *number = value;
-                left -= 1;
+        let mut short = None;
+        let mut sink = |path: &str, part: Part| match part {
+            Part::Number(value) => {
+                for (number, _) in row.iter_mut().zip(paths).filter(|(_, one)| **one == path) {
+                    *number = value;
+                    left -= 1;
+                }
+            }
+            Part::Array(elements) => {
+                let mut indices = paths.iter().filter_map(|one| index_in(one, path));
+                if short.is_none() && indices.any(|index| index >= elements) {
+                    let array = path.to_owned();
+                    short = Some(Unread::Short { array, elements });
+                }
             }
         };
-        let mut cursor = Cursor::of(data)?;
-        self.walk(&mut cursor, &mut String::new(), paths, &mut sink)?;
-        (left == 0).then_some(())
+        let mut cursor = Cursor::of(data).ok_or(Unread::Damaged)?;
+        self.walk(&mut cursor, &mut String::new(), paths, &mut sink)
+            .ok_or(Unread::Damaged)?;
+        match left {
+            0 => Ok(()),
+            _ => Err(short.unwrap_or(Unread::Damaged)),
+        }
     }
 
     fn walk(
@@ -129,7 +174,7 @@ impl Message {
         cursor: &mut Cursor<'_>,
         path: &mut String,
         paths: &[&str],
-        sink: &mut dyn FnMut(&str, f64),
+        sink: &mut dyn FnMut(&str, Part),
     ) -> Option<()> {
         let before = path.len();
         if self.0.is_empty() {
@@ -144,6 +189,9 @@ impl Message {
             };
             path.push_str(&field.name);
             let is_wanted = paths.iter().any(|one| one.starts_with(path.as_str()));
+            if is_wanted && field.count != Count::One {
+                sink(path, Part::Array(count));
+            }
             match &field.kind {
                 Kind::Number(number) if !is_wanted => cursor.skip(*number, count)?,
                 kind => {
@@ -154,7 +202,9 @@ impl Message {
                             let _ = write!(path, "[{at}]");
                         }
                         match kind {
-                            Kind::Number(number) => sink(path, cursor.number(*number)?),
+                            Kind::Number(number) => {
+                                sink(path, Part::Number(cursor.number(*number)?))
+                            }
                             Kind::Text(size) => cursor.skip_text(*size)?,
                             Kind::Message(message) => {
                                 path.push('.');

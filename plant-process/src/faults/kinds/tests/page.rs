@@ -100,6 +100,7 @@ fn every_example_on_the_page_is_a_fault_that_starts() {
         target: "surface_angle_rad".into(),
         unit: "rad".into(),
         range: Stimulus::any_range(),
+        is_whole: false,
         waveform: Waveform::Paper {
             amplitude: 0.2,
             frequency_hz: 1.0,
