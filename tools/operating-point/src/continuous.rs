@@ -5,6 +5,7 @@
 
 use nalgebra::DMatrix;
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
+use shared_types::extremes::larger;
 
 use crate::model::LinearModel;
 use crate::modes;
@@ -133,7 +134,7 @@ fn square_root(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
 /// Returns the largest sum of the sizes in a column.
 fn norm(matrix: &DMatrix<f64>) -> f64 {
     let sums = matrix.column_iter().map(|column| column.lp_norm(1));
-    sums.fold(0.0, f64::max)
+    sums.fold(0.0, larger)
 }
 
 #[cfg(test)]

@@ -113,9 +113,9 @@ pub(crate) fn refuse_unnamed(
         ("plant", &plan.plant.model, &binaries.plant),
         ("law", &plan.controller.law, &binaries.controller),
     ];
-    let both = sides.into_iter().zip(states).zip(names);
-    for ((_, _), (side, name, binary)) in
-        both.filter(|((is_needed, state), _)| *is_needed && state.is_none())
+    let mut both = sides.into_iter().zip(states).zip(names);
+    if let Some((_, (side, name, binary))) =
+        both.find(|((is_needed, state), _)| *is_needed && state.is_none())
     {
         let what = match &binary.description.imported {
             Some(_) => "is an FMU, whose state is bytes",
@@ -141,10 +141,9 @@ fn refuse_renamed(plan: &Plan) -> Result<(), Failure> {
 
 /// Refuses a loop with something between plant and law that has a state of its own.
 fn refuse_between(plan: &Plan) -> Result<(), Failure> {
-    let first = |all: &[hil_config::plan::Instrument]| all.first().is_some();
     let between = [
-        ("sensors (`[[sensors]]`)", first(&plan.sensors)),
-        ("actuators (`[[actuators]]`)", first(&plan.actuators)),
+        ("sensors (`[[sensors]]`)", !plan.sensors.is_empty()),
+        ("actuators (`[[actuators]]`)", !plan.actuators.is_empty()),
         ("a bus (`[bus]`)", plan.bus.is_some()),
         (
             "a delay of the command (`controller.command_delay_steps`)",

@@ -5,6 +5,7 @@
 
 use hil_console::terminal::exit::Failure;
 use nalgebra::{DMatrix, DVector};
+use shared_types::extremes::larger;
 use shared_types::local_map::LocalMap;
 
 /// Largest number of steps.
@@ -243,7 +244,7 @@ fn step(best: &Evaluated, problem: &Problem, sizes: &Sizes, damping: f64) -> Vec
     let mut residuals: Vec<f64> = residuals.map(|(value, size)| value / size).collect();
     residuals.resize(u.nrows(), 0.0);
     let parts = u.transpose() * DVector::from_vec(residuals);
-    let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
+    let largest = svd.singular_values.iter().copied().fold(0.0, larger);
     let mut change = DVector::zeros(sizes.unknowns.len());
     for (place, sigma) in svd.singular_values.iter().enumerate() {
         if *sigma <= SINGULAR * largest {
@@ -270,7 +271,7 @@ fn moved(map: &LocalMap, problem: &Problem, step: &[f64]) -> (Vec<f64>, Vec<f64>
 fn scaled_norm(residuals: &DVector<f64>, sizes: &[f64]) -> f64 {
     let both = residuals.iter().zip(sizes);
     both.map(|(value, size)| (value / size).abs())
-        .fold(0.0, f64::max)
+        .fold(0.0, larger)
 }
 
 fn solution(best: Evaluated, problem: &Problem, evaluations: u32) -> Solution {
@@ -307,7 +308,7 @@ fn solution(best: Evaluated, problem: &Problem, evaluations: u32) -> Solution {
     let svd = (!matrix.is_empty()).then(|| matrix.svd(false, true));
     let mut undetermined = Vec::new();
     if let Some((svd, v_t)) = svd.as_ref().and_then(|svd| Some((svd, svd.v_t.as_ref()?))) {
-        let largest = svd.singular_values.iter().copied().fold(0.0, f64::max);
+        let largest = svd.singular_values.iter().copied().fold(0.0, larger);
         for (place, sigma) in svd.singular_values.iter().enumerate() {
             if *sigma <= SINGULAR * largest {
                 let row = v_t.row(place);
