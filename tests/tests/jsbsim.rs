@@ -2,6 +2,8 @@
 
 use std::net::UdpSocket;
 
+use shared_types::extremes::larger;
+
 use crate::support::harness::Rig;
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{shipped, skip};
@@ -41,7 +43,7 @@ fn the_law_of_a_mass_on_a_spring_holds_the_altitude_of_an_f16() {
         "{}",
         altitude_m[100]
     );
-    let climbs = pitch_rad[200..600].iter().copied().fold(f64::MIN, f64::max);
+    let climbs = pitch_rad[200..600].iter().copied().fold(f64::MIN, larger);
     assert!(climbs > pitch_rad[100] + 0.01, "{climbs}");
     rig.assert_nothing_left();
 }

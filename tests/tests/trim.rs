@@ -4,6 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
+use shared_types::extremes::{larger, smaller};
 
 use crate::foreign::{compiled, has};
 use crate::support::harness::{Rig, Run};
@@ -45,7 +46,7 @@ fn range(run: &Run, name: &str, from: usize) -> (f64, f64) {
         .map(|record| f64::from_bits(record.words[place]));
     values.fold(
         (f64::INFINITY, f64::NEG_INFINITY),
-        |(least, most), value| (least.min(value), most.max(value)),
+        |(least, most), value| (smaller(least, value), larger(most, value)),
     )
 }
 

@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use shared_types::extremes::{larger, smaller};
 use shared_types::random::RandomStream;
 
 const MESSAGES: u32 = 24;
@@ -79,7 +80,7 @@ pub(super) fn random(seed: u64) -> String {
                     let lowest = if is_signed { -end / 2.0 } else { 0.0 };
                     let raw = [lowest + (end / 4.0).floor(), lowest + (end * 0.75).floor()];
                     let [one, other] = raw.map(|raw| raw * scale + offset);
-                    format!("{:?}|{:?}", one.min(other), one.max(other))
+                    format!("{:?}|{:?}", smaller(one, other), larger(one, other))
                 }
             };
             let name = format!("M{message}S{signal}");
