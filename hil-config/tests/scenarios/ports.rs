@@ -5,7 +5,7 @@ mod dbc;
 
 use std::path::Path;
 
-use hil_codec::frame::{Body, CanId, Content};
+use hil_codec::frame::{Body, Content};
 use hil_config::port::{Carries, Medium, MediumKind, Period, Port, PortTables, is_port};
 use hil_config::problem::{Problem, ProblemKind};
 use shared_types::table::Field;
