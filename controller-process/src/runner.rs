@@ -369,6 +369,7 @@ impl<'a, L: Link> Runner<'a, L> {
             Some(started) => started,
             None => start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
         };
+        let row = answering::begin(&commands, welcome.command.len());
         let mut bound = Bound {
             law: started,
             measured_places: places(SignalKind::Measured, &law.measured)?,
@@ -378,9 +379,9 @@ impl<'a, L: Link> Runner<'a, L> {
             sample: vec![0.0; welcome.sample.len()],
             measured: vec![0.0; law.measured.len()],
             reference: vec![0.0; law.reference.len()],
-            answer: vec![0.0; welcome.command.len()],
-            previous: vec![0.0; commands.len()],
-            frame: vec![0.0; welcome.command.len()],
+            answer: row.clone(),
+            previous: row[..commands.len()].to_vec(),
+            frame: row.clone(),
             made: {
                 let before = -i64::from(self.job.rate_divisor);
                 Made {
@@ -392,7 +393,7 @@ impl<'a, L: Link> Runner<'a, L> {
             },
             held: Held::default(),
             late_until: None,
-            late: vec![0.0; welcome.command.len()],
+            late: row,
             last: None,
             answered: Answered::default(),
             sampler: ThreadSampler::default(),

@@ -76,6 +76,12 @@ pub struct Rows {
     places: Option<Vec<Option<usize>>>,
 }
 
+/// Returns a frame before the first command: the start values of the commands that declare one, else 0.
+fn starts(table: &SignalTable) -> Vec<f64> {
+    let starts = { table.0.iter() }.map(|signal| signal.field.default.unwrap_or(0.0));
+    starts.collect()
+}
+
 impl Rows {
     /// Creates the rows for the agreed tables, of a plant whose records have this layout.
     #[must_use]
@@ -93,7 +99,7 @@ impl Rows {
             actuator: vec![0.0; layout.actuator.len()],
             cut: vec![0.0; layout.cut.len()],
             invalid: SignalSet::EMPTY,
-            frame: vec![0.0; welcome.command.len()],
+            frame: starts(&welcome.command),
             command: vec![0.0; layout.command.len()],
             command_invalid: SignalSet::EMPTY,
             applied: vec![0.0; layout.command.len()],

@@ -356,6 +356,19 @@ pub struct Offer<'a> {
     pub commands: &'a [Field],
 }
 
+/// Returns the law's own commands with the start values that the plant declares for them, or else the plant's.
+fn with_starts(own: Option<&[Field]>, of_plant: &[Field]) -> Vec<Field> {
+    let Some(own) = own else {
+        return of_plant.to_vec();
+    };
+    let start = |name: &str| of_plant.iter().find(|field| field.name == name)?.default;
+    let with_start = |field: &Field| Field {
+        default: start(&field.name),
+        ..field.clone()
+    };
+    own.iter().map(with_start).collect()
+}
+
 /// Agrees with a controller, or refuses it.
 ///
 /// # Errors
@@ -373,9 +386,9 @@ pub fn agree(hello: &Hello, offer: &Offer<'_>) -> Result<Welcome, Refused> {
     hello.check()?;
     let sample = SignalTable::of(SignalKind::Measured, offer.measured)
         .and(SignalKind::Reference, offer.reference);
-    let commands = hello.commands.as_deref().unwrap_or(offer.commands);
+    let commands = with_starts(hello.commands.as_deref(), offer.commands);
     let command =
-        SignalTable::of(SignalKind::Command, commands).and(SignalKind::Internal, &hello.internals);
+        SignalTable::of(SignalKind::Command, &commands).and(SignalKind::Internal, &hello.internals);
     sample.check().and_then(|()| command.check())?;
     let mut signals = Vec::new();
     let mut bind = |table: &SignalTable, kind: SignalKind, requirements: &[Field], whose: &str| {

@@ -9,6 +9,7 @@ use shared_types::directive::{Answered, Directive};
 use shared_types::failure::Failure;
 use shared_types::frame::Header;
 use shared_types::quality::SignalSet;
+use shared_types::table::Field;
 use shared_types::time::Step;
 
 use super::Bound;
@@ -32,6 +33,15 @@ pub(super) struct Held {
     pub(super) previous: SignalSet,
     pub(super) frame: SignalSet,
     pub(super) late: SignalSet,
+}
+
+/// Returns the row of a frame before the first answer: the start values that the plant declares for its commands, and
+/// 0 for everything else.
+pub(super) fn begin(commands: &[Field], signals: usize) -> Vec<f64> {
+    let starts = commands.iter().map(|field| field.default.unwrap_or(0.0));
+    let mut row: Vec<f64> = starts.collect();
+    row.resize(signals, 0.0);
+    row
 }
 
 impl Bound {

@@ -102,6 +102,10 @@ fn greet_with<L: Link>(
     let Ok(Control::Hello(hello)) = Control::from_bytes(&bytes) else {
         panic!("no hello");
     };
+    let start = Field {
+        default: Some(7.0),
+        ..Field::signal("force_n", "N", "x")
+    };
     let offer = Offer {
         session: 5,
         epoch: 1,
@@ -111,7 +115,7 @@ fn greet_with<L: Link>(
         against_clock: false,
         measured,
         reference: &[],
-        commands: &[Field::signal("force_n", "N", "x")],
+        commands: &[start],
     };
     let welcome = agree(&hello, &offer).expect("agreed");
     let spec = FrameSpec {
@@ -181,10 +185,10 @@ fn each_sample_is_answered_from_its_own_signals() {
 }
 
 #[test]
-fn a_delayed_command_is_that_of_the_previous_sample() {
+fn a_delayed_command_is_that_of_the_previous_sample_and_at_first_the_declared_start() {
     assert_eq!(
         answers(job(1, 1), 3),
-        [(0.0, 1.0, 1), (10.0, 2.0, 1), (20.0, 3.0, 1)]
+        [(7.0, 1.0, 1), (10.0, 2.0, 1), (20.0, 3.0, 1)]
     );
 }
 
@@ -202,7 +206,7 @@ fn a_slow_law_holds_its_command_between_its_samples() {
 #[test]
 fn a_slow_law_with_a_delay_answers_a_step_late() {
     let expected = [
-        (0.0, 1.0, 2),
+        (7.0, 1.0, 2),
         (10.0, 1.0, 1),
         (10.0, 2.0, 2),
         (30.0, 2.0, 1),
@@ -228,6 +232,18 @@ fn a_late_command_takes_effect_steps_later_and_the_last_is_sent_until_then() {
         (50.0, 3.0, 0),
     ];
     assert_eq!(directed(job(1, 0), 5, late_by_two_at_one_and_two), expected);
+}
+
+#[test]
+fn a_command_that_is_late_from_the_first_step_on_follows_the_declared_start() {
+    let late = |step| Directive {
+        late_steps: if step == 0 { 2 } else { 0 },
+        ..Directive::default()
+    };
+    let forces = directed(job(1, 0), 3, late)
+        .into_iter()
+        .map(|(force_n, ..)| force_n);
+    assert_eq!(forces.collect::<Vec<_>>(), [7.0, 7.0, 10.0]);
 }
 
 #[test]

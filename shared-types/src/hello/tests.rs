@@ -40,6 +40,37 @@ fn surplus_signals_are_accepted() {
 }
 
 #[test]
+fn the_laws_own_commands_begin_as_the_plant_declares() {
+    let drive = Field {
+        default: Some(7.0),
+        ..field("drive_rad")
+    };
+    for own in [None, Some(vec![field("spare_rad"), field("drive_rad")])] {
+        let hello = Hello {
+            commands: own.clone(),
+            ..hello()
+        };
+        let offer = Offer {
+            session: 5,
+            epoch: 1,
+            rate: Rate::new(10.0).expect("legal"),
+            steps: 3,
+            first: Step(0),
+            against_clock: false,
+            measured: &[field("angle_rad")],
+            reference: &[],
+            commands: std::slice::from_ref(&drive),
+        };
+        let welcome = agree(&hello, &offer).expect("agreed");
+        let starts: Vec<Option<f64>> = (welcome.command.fields(SignalKind::Command).iter())
+            .map(|field| field.default)
+            .collect();
+        let expected = own.map_or(vec![Some(7.0)], |_| vec![None, Some(7.0)]);
+        assert_eq!(starts, expected);
+    }
+}
+
+#[test]
 fn everything_missing_is_named_at_once() {
     let mut hello = hello();
     hello.measured.push(field("angel_rad"));
