@@ -2,7 +2,9 @@
 
 mod closed_form;
 mod crossed;
+mod modes;
 mod refusals;
+mod varying;
 
 use std::process::Command;
 
@@ -86,6 +88,8 @@ fn the_loop_of_the_teaching_plant_is_that_of_its_closed_form() {
     assert_near(&input["disc_margin"], expected.disc_margin, 1e-4);
     let delay_s = expected.phase_margin_deg / 360.0 / expected.crossover_hz;
     assert_near(&input["delay_margin_s"], delay_s, 1e-4);
+    // The probe begins at 5 s, settles for a period of 4 s and is measured for three.
+    assert_eq!(input["measured_s"], serde_json::json!([9.0, 21.0]));
     // Each figure lies in its interval, and a linear loop has narrow ones.
     for name in ["phase_margin_deg", "gain_margin_db", "disc_margin"] {
         let [low, high] = [0, 1].map(|end| number(&input["intervals"][name][end]));

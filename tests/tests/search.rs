@@ -158,9 +158,9 @@ fn an_empty_search_says_what_was_tried_and_what_to_do() {
         ("smallest", "far", TRUSTS, &far, &["nothing fails in bias 0 to 0.009", "nearest to failing is bias 0.009", "widen the range", "tried"]),
         ("smallest", "started", TRUSTS, &started, &["the nominal case already fails", "margin -0.01 m at bias 0.02", "move `nominal` or `min`"]),
         ("smallest", "island", island, ONE, &["not monotone", "bias 0.0225", "raise `probes`", "fails.toml"]),
-        ("smallest", "unreached", "always(abs(truth.velocity_mps) < 1)", ONE, &["`trusts` does not depend on bias", "no signal of its formula is reached"]),
+        ("smallest", "unreached", "always(abs(truth.velocity_mps) < 1)", ONE, &["`trusts` has the same margin", "whatever bias is", "either no signal of its formula is reached"]),
         ("worst", "infinite", infinite, TWO, &["no finite margin (NaN or infinite)", "nothing says which way failures lie"]),
-        ("smallest", "unprobed", "always(abs(truth.position_m) < 1)", &never, &["`trusts` does not depend on size", "2 runs"]),
+        ("smallest", "unprobed", "always(abs(truth.position_m) < 1)", &never, &["`trusts` has the same margin in all 2 runs, whatever size is"]),
     ];
     for (kind, name, formula, ranges, messages) in rows {
         let study = study(&rig, formula, 1.0, ranges);
@@ -171,6 +171,19 @@ fn an_empty_search_says_what_was_tried_and_what_to_do() {
         assert!(json["reason"].is_string(), "{name}: {json}");
         assert!(!json["tried"].as_array().expect("a list").is_empty());
     }
+}
+
+#[test]
+fn an_expression_that_is_equal_at_both_ends_has_an_effect_between() {
+    let rig = Rig::new();
+    let peak = "\n[[vary]]\nname = \"f\"\nkind = \"uniform\"\nmin = 0.0\nmax = 4.0\n\
+                [[vary]]\nkey = \"faults[0].effects[0].bias\"\nkind = \"expression\"\n\
+                expression = \"0.001 + 0.012 * max(0, 1 - abs(f - 2))\"\n";
+    let study = study(&rig, TRUSTS, 1.0, peak);
+    let found = search(&rig, "worst", &study, "peak").expect(1).json();
+    // The bias is largest at f = 2: 13 mm, of which 10 mm are allowed.
+    assert!((number(&found["at"]["f"]) - 2.0).abs() < 0.01, "{found}");
+    assert!((number(&found["margin"]) + 0.003).abs() < 1e-4, "{found}");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use crate::support::run::Run;
 
 /// Measures the loops of a scenario, of which all are refused with these texts.
 #[track_caller]
-fn refused(rig: &Rig, scenario: &str, further: &[&str], reasons: &[&str]) -> Run {
+pub(super) fn refused(rig: &Rig, scenario: &str, further: &[&str], reasons: &[&str]) -> Run {
     let arguments = [&["margins", scenario, "--json"], further].concat();
     let run = rig.hil(&arguments).expect(1);
     let report = run.json();

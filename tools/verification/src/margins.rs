@@ -11,27 +11,34 @@
 //! The motion of step 1 is subtracted. A margin that the response does not support is [refused](refusal) with a reason.
 //! Plants and laws that are built into `hil` run in this thread, other [programs](rig) in two processes.
 
-use hil_config::plan::{Clock, Plan};
+use std::path::Path;
+
+use hil_config::plan::{Clock, Plan, Trigger};
 use hil_config::scenario::Scenario;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::tables::FORMATS;
+use shared_types::time::Step;
 
 use crate::arguments::margins::MarginsArguments;
 use measurement::{Measured, Measurement};
-use probe::{Course, Loops, Stop};
-use report::Report;
+use probe::{Course, Loops, Motion, Stop};
+use report::{Report, Time};
 use rig::Rig;
 use span::Span;
 
 mod extremes;
+mod growth;
 mod locus;
 mod measurement;
+mod movement;
 mod point;
 mod probe;
+mod rates;
 mod refusal;
 mod report;
+mod resolution;
 mod rig;
 mod span;
 mod together;
@@ -63,6 +70,12 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
     if points.iter().any(|at_s| !(0.0..=1e6).contains(at_s)) {
         return Err(Failure::usage("--at must be from 0 to 1000000 s"));
     }
+    if let Some(path) = &arguments.output {
+        // A file that cannot be written is known before the measurement.
+        let mut options = std::fs::OpenOptions::new();
+        let opened = options.create(true).append(true).open(path);
+        opened.map_err(|error| unwritable(path, &error))?;
+    }
     let mut report = Report::default();
     for at_s in points {
         let point = OperatingPoint {
@@ -76,15 +89,17 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
         point.measure(at_s, &mut report)?;
     }
     if let Some(path) = &arguments.output {
-        std::fs::write(path, report.csv()).map_err(|error| {
-            Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
-        })?;
+        std::fs::write(path, report.csv()).map_err(|error| unwritable(path, &error))?;
     }
     output::result(arguments.json, &report, || report.describe())?;
     Ok(match report.is_complete() {
         true => Exit::Pass,
         false => Exit::Failed,
     })
+}
+
+fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
+    Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
 }
 
 /// Command of the plant.
@@ -119,10 +134,11 @@ impl OperatingPoint<'_> {
             },
             interruption: self.interruption,
         };
-        let own = match two_rates(self.plan) {
-            Some(reason) => Err(reason),
-            None => refusable(loops.run(None))?,
-        };
+        let own = self.own(&loops)?;
+        let rate = self.plan.run.rate;
+        let measured_s = [loops.course.measured_step(), loops.course.end_step()]
+            .map(|step| rate.seconds(Step(step)));
+        let time = Time { at_s, measured_s };
         let mut measured: Vec<Option<Measured>> = Vec::new();
         for (place, command) in self.commands.iter().enumerate() {
             if !command.is_chosen {
@@ -144,7 +160,7 @@ impl OperatingPoint<'_> {
                 }
             };
             let as_result = result.as_ref().map_err(Clone::clone);
-            report.add(&command.name, &command.unit, at_s, as_result);
+            report.add(&command.name, &command.unit, time, as_result);
             measured.push(result.ok());
         }
         if self.commands.len() < 2 || self.commands.iter().any(|command| !command.is_chosen) {
@@ -158,8 +174,29 @@ impl OperatingPoint<'_> {
             }
             _ => Err("the margins of a command were refused".into()),
         };
-        report.add_together(at_s, result);
+        report.add_together(time, result);
         Ok(())
+    }
+
+    /// Runs the loops without tones, or returns the reason why they have no margins.
+    fn own(&self, loops: &Loops<'_>) -> Result<Result<Motion, String>, Failure> {
+        let (plants, ..) = self.rig.described();
+        let course = loops.course;
+        if let Some(reason) = rates::of(self.plan, plants, course.end_step()) {
+            return Ok(Err(reason));
+        }
+        let own = match refusable(loops.run(None))? {
+            Ok(own) => own,
+            Err(reason) => return Ok(Err(reason)),
+        };
+        if let Some(reason) = movement::of(self.plan, &own.events, course) {
+            return Ok(Err(reason));
+        }
+        let period_s = self.plan.run.rate.seconds(Step(course.period_steps));
+        Ok(match own.steady_growth() {
+            Some(growth) => Err(refusal::growing(growth, period_s, "without the probe")),
+            None => Ok(own),
+        })
     }
 }
 
@@ -170,18 +207,6 @@ fn refusable<T>(result: Result<T, Stop>) -> Result<Result<T, String>, Failure> {
         Err(Stop::Refused(reason)) => Ok(Err(reason)),
         Err(Stop::Failed(failure)) => Err(failure),
     }
-}
-
-/// Returns the reason to refuse a law that runs at some samples only.
-fn two_rates(plan: &Plan) -> Option<String> {
-    let divisor = plan.controller.rate_divisor;
-    (divisor != 1).then(|| {
-        let rate_hz = plan.run.rate.hz() / f64::from(divisor);
-        format!(
-            "the law runs at every {divisor}th sample only, so the loop has two rates and no single response; measure it at the rate of the law: --set run.rate_hz={rate_hz} --set plant.substeps={}",
-            divisor * plan.plant.substeps
-        )
-    })
 }
 
 /// Checks the scenario and keeps the requested faults.
@@ -200,6 +225,17 @@ fn plan(arguments: &MarginsArguments, scenario: &Scenario, rig: &Rig) -> Result<
         if number > count {
             return Err(Failure::usage(format!(
                 "--fault {number}: the scenario has {count} faults"
+            )));
+        }
+        let after = number
+            .checked_sub(1)
+            .map(|index| &plan.faults[index].trigger);
+        if let Some(Trigger::After { event, .. }) = after {
+            let earlier = plan.faults.iter().find(|one| one.id == *event);
+            let name = earlier.and_then(|one| one.name.clone());
+            let name = name.unwrap_or_else(|| event.to_string());
+            return Err(Failure::usage(format!(
+                "--fault {number}: fault {number} begins after fault `{name}`, without which it never does; give it at_s instead of after, or keep all faults and choose --at"
             )));
         }
         let all = std::mem::take(&mut plan.faults).into_iter().enumerate();

@@ -71,6 +71,9 @@ pub struct Evaluation {
     pub reason: String,
 }
 
+/// Parts of a range at whose ends its effect is looked for.
+const PLACES: u32 = 16;
+
 /// Evaluator of one variant of a study.
 pub struct Evaluator {
     cases: Cases,
@@ -127,13 +130,24 @@ impl Evaluator {
     fn refuse_ineffective(&self, nominal: &[f64]) -> Result<(), Failure> {
         let before = self.scenario(nominal)?;
         for (place, one) in self.dimensions.iter().enumerate() {
-            let mut point = nominal.to_vec();
-            point[place] = if one.nominal < one.max {
-                one.max
+            // An expression may have the same value at both ends and another between.
+            let between = (1..PLACES)
+                .map(|n| one.min + (one.max - one.min) * f64::from(n) / f64::from(PLACES));
+            let ends = if one.nominal < one.max {
+                [one.max, one.min]
             } else {
-                one.min
+                [one.min, one.max]
             };
-            if self.scenario(&point)? == before {
+            let mut is_effective = false;
+            for value in ends.into_iter().chain(between) {
+                let mut point = nominal.to_vec();
+                point[place] = value;
+                if self.scenario(&point)? != before {
+                    is_effective = true;
+                    break;
+                }
+            }
+            if !is_effective {
                 let mut varied = self.study().varied.iter();
                 let key = varied.find(|varied| varied.name == one.name);
                 let key = key.and_then(|varied| varied.key.as_ref());

@@ -25,6 +25,8 @@ pub(super) struct Margins {
 
 /// Parts into which each interval is divided in the search for crossings.
 const PARTS: u32 = 32;
+/// Responses through which an interpolation goes.
+const NODES: usize = 4;
 /// Halvings in the search for a crossing.
 const HALVINGS: u32 = 60;
 
@@ -63,6 +65,17 @@ fn least(all: &[[f64; 2]]) -> Option<[f64; 2]> {
 
 /// Computes the margins of a locus; its responses ascend in frequency.
 pub(super) fn margins(locus: &[Response]) -> Margins {
+    margins_through(locus, NODES)
+}
+
+/// Computes the margins from an interpolation of one order less, which differ from [`margins`] by more than the error
+/// of these.
+pub(super) fn margins_of_less_order(locus: &[Response]) -> Margins {
+    margins_through(locus, NODES - 1)
+}
+
+fn margins_through(locus: &[Response], nodes: usize) -> Margins {
+    let at = |locus: &[Response], x: f64| through(nodes, locus, x);
     let mut margins = Margins {
         disc: [f64::NAN, f64::INFINITY],
         ..Margins::default()
@@ -151,9 +164,14 @@ fn crossing(f: impl Fn(f64) -> f64, mut low: f64, mut high: f64) -> Option<f64> 
 
 /// Interpolates L at the logarithm of a frequency: logarithm of the gain, and phase, by the cubic through the four
 /// nearest responses.
-fn at(locus: &[Response], x: f64) -> (f64, f64) {
+pub(super) fn at(locus: &[Response], x: f64) -> (f64, f64) {
+    through(NODES, locus, x)
+}
+
+/// Interpolates L as [`at`] does, through this number of responses.
+fn through(nodes: usize, locus: &[Response], x: f64) -> (f64, f64) {
     let after = locus.partition_point(|one| libm::log(one.frequency_hz) < x);
-    let count = locus.len().min(4);
+    let count = locus.len().min(nodes);
     let first = after.saturating_sub(2).min(locus.len() - count);
     let (mut gain, mut phase, mut before) = (0.0, 0.0, None);
     let nodes = &locus[first..first + count];
@@ -180,7 +198,7 @@ fn at(locus: &[Response], x: f64) -> (f64, f64) {
 }
 
 /// Returns an angle in -pi to pi.
-fn wrapped(angle: f64) -> f64 {
+pub(super) fn wrapped(angle: f64) -> f64 {
     angle - TAU * libm::round(angle / TAU)
 }
 

@@ -2,17 +2,20 @@
 
 use std::collections::BTreeMap;
 
+use shared_types::time::Step;
+
 use super::extremes::larger;
-use super::locus::{Margins, Response, margins};
-use super::point::{Point, size};
+use super::locus::{Margins, Response, margins, margins_of_less_order};
+use super::point::{Point, change, size};
 use super::probe::{Complex, Excitation, Fitted, Loops, Motion, Stop, WINDOWS};
 use super::refusal;
+use super::resolution::{Resolution, Surveyed};
 use super::span::Span;
 
 /// Share of the largest command that the probe has by default.
 const SHARE: f64 = 0.01;
 /// Largest number of runs that add frequencies.
-const REFINEMENTS: usize = 4;
+const REFINEMENTS: usize = 12;
 
 /// Loop to be measured, while the loops of all other commands stay closed.
 pub(super) struct Measurement<'a> {
@@ -31,10 +34,14 @@ pub(super) struct Measured {
     pub(super) amplitude: f64,
     pub(super) points: Vec<Point>,
     pub(super) margins: Margins,
-    /// Margins from each window, and from half the amplitude.
+    /// Margins from each window, from half the amplitude, and from a coarser interpolation.
     pub(super) others: Vec<Margins>,
-    /// Responses of all probes at the first tones, without the loop's own motion.
-    pub(super) first: Vec<Fitted>,
+    /// Reason to refuse the gain margin alone.
+    pub(super) gain_refused: Option<String>,
+    /// Reason to refuse the least distance from -1 alone.
+    pub(super) disc_refused: Option<String>,
+    /// Responses of all probes at the tones of the survey, without the loop's own motion.
+    pub(super) survey: Vec<Fitted>,
 }
 
 impl Measurement<'_> {
@@ -49,12 +56,32 @@ impl Measurement<'_> {
             ));
         }
         let mut points = BTreeMap::new();
-        let first = self.add(&mut points, amplitude, &tones)?;
+        self.add(&mut points, amplitude, &tones)?;
+        self.support(&points)?;
+        let dense = self.span.dense();
+        let fits = self.survey(amplitude, &dense)?;
+        let survey = { dense.iter().copied() }.zip(fits.iter().map(|fits| self.surveyed(fits)));
+        let survey: BTreeMap<u64, Surveyed> = survey.collect();
+        let resolution = |points: &BTreeMap<u64, Complex>| {
+            let resolution = Resolution {
+                points,
+                survey: &survey,
+                span: self.span,
+            };
+            (resolution.further(), resolution.refusal())
+        };
+        let all = |points: &BTreeMap<u64, Point>| -> BTreeMap<u64, Complex> {
+            points
+                .iter()
+                .map(|(turns, point)| (*turns, point.l))
+                .collect()
+        };
         for _ in 0..REFINEMENTS {
             let current = margins(&locus(&points, |point| point.l));
             let mut further: Vec<u64> = (current.places_hz().into_iter())
                 .filter(|hz| hz.is_finite())
                 .flat_map(|hz| self.span.around(hz))
+                .chain(resolution(&all(&points)).0)
                 .filter(|turns| !points.contains_key(turns))
                 .collect();
             further.sort_unstable();
@@ -64,45 +91,88 @@ impl Measurement<'_> {
             }
             self.add(&mut points, amplitude, &further)?;
         }
+        self.support(&points)?;
+        let unresolved = resolution(&all(&points)).1;
         let all: Vec<Point> = points.values().cloned().collect();
         let result = margins(&locus(&points, |point| point.l));
-        if let Some(reason) = refusal::of(&all, &result, self.own.growth(self.command)) {
+        let reason = unresolved.or_else(|| refusal::without_crossover(&all, &result));
+        if let Some(reason) = reason {
             return Err(Stop::Refused(reason));
         }
         let mut others: Vec<Margins> = (0..WINDOWS)
             .map(|window| margins(&locus(&points, |point| point.windows[window])))
             .collect();
         others.push(margins(&locus(&points, |point| point.half)));
+        others.push(margins_of_less_order(&locus(&points, |point| point.l)));
+        let [gain_refused, disc_refused] = refusal::figures(&all, &result);
         Ok(Measured {
             amplitude,
             points: all,
             margins: result,
             others,
-            first,
+            gain_refused,
+            disc_refused,
+            survey: fits,
         })
     }
 
-    /// Measures the response at these tones, with the whole and with half the amplitude; returns that of all probes to
-    /// the whole amplitude.
+    /// Refuses responses that support no margins.
+    fn support(&self, points: &BTreeMap<u64, Point>) -> Result<(), Stop> {
+        let all: Vec<Point> = points.values().cloned().collect();
+        match refusal::of(&all, self.own.growth(self.command)) {
+            Some(reason) => Err(Stop::Refused(reason)),
+            None => Ok(()),
+        }
+    }
+
+    /// Measures the responses of all probes to the whole amplitude at many tones.
+    fn survey(&self, amplitude: f64, tones: &[u64]) -> Result<Vec<Fitted>, Stop> {
+        let motion = self.probed(amplitude, tones)?;
+        Ok(response_to(motion.fits(tones)?, &self.own.fits(tones)?))
+    }
+
+    /// Returns the response of this loop among those of all probes.
+    fn surveyed(&self, fits: &Fitted) -> Surveyed {
+        let windows = fits.each_ref().map(|all| all[self.command]);
+        let l = open_loop(&windows).0;
+        let changes = windows.map(|window| change(open_loop(&[window]).0, l));
+        Surveyed {
+            l,
+            unsteadiness: changes.into_iter().fold(0.0, larger),
+        }
+    }
+
+    /// Runs the loops with these tones.
+    fn probed(&self, amplitude: f64, tones: &[u64]) -> Result<Motion, Stop> {
+        let motion = self.loops.run(Some(Excitation {
+            command: self.command,
+            amplitude,
+            turns: tones,
+        }))?;
+        let rate = self.loops.plan.run.rate;
+        let refused = refusal::limited(self.loops.commands, &motion.limited).or_else(|| {
+            let growth = motion.steady_growth_over(self.own)?;
+            let period_s = rate.seconds(Step(self.loops.course.period_steps));
+            Some(refusal::growing(growth, period_s, "with the probe"))
+        });
+        match refused {
+            Some(reason) => Err(Stop::Refused(reason)),
+            None => Ok(motion),
+        }
+    }
+
+    /// Measures the response at these tones, with the whole and with half the amplitude.
     fn add(
         &self,
         points: &mut BTreeMap<u64, Point>,
         amplitude: f64,
         tones: &[u64],
-    ) -> Result<Vec<Fitted>, Stop> {
-        let run = |amplitude: f64| {
-            let motion = self.loops.run(Some(Excitation {
-                command: self.command,
-                amplitude,
-                turns: tones,
-            }))?;
-            if let Some(reason) = refusal::limited(self.loops.commands, &motion.limited) {
-                return Err(Stop::Refused(reason));
-            }
-            Ok(motion)
-        };
+    ) -> Result<(), Stop> {
         let own = self.own.fits(tones)?;
-        let (whole, half) = (run(amplitude)?, run(0.5 * amplitude)?);
+        let (whole, half) = (
+            self.probed(amplitude, tones)?,
+            self.probed(0.5 * amplitude, tones)?,
+        );
         let clipped = whole.clipped(self.command);
         let (whole, half) = (
             response_to(whole.fits(tones)?, &own),
@@ -132,7 +202,7 @@ impl Measurement<'_> {
             Some(value) => Err(Stop::Refused(format!(
                 "saturation: the law's command stands at {value} for several steps while the probe runs; lower --amplitude, or choose another --at"
             ))),
-            None => Ok(whole),
+            None => Ok(()),
         }
     }
 }

@@ -38,6 +38,6 @@ pub(super) fn size((re, im): Complex) -> f64 {
 }
 
 /// Returns the relative difference of two responses.
-fn change(a: Complex, b: Complex) -> f64 {
+pub(super) fn change(a: Complex, b: Complex) -> f64 {
     size((a.0 - b.0, a.1 - b.1)) / size(b)
 }

@@ -11,10 +11,14 @@ use shared_types::record::{Event, Outcome, RecordLayout};
 use shared_types::stream::RecordSink;
 
 use super::extremes::{extended, larger, smaller};
+use super::growth;
 use super::rig::Rig;
 
 /// Windows in which the response is fitted, one after another.
 pub(super) const WINDOWS: usize = 3;
+
+/// Share of a motion below which its changes are rounding.
+const ROUNDING: f64 = 1e-7;
 
 /// Real and imaginary part.
 pub(super) type Complex = (f64, f64);
@@ -41,6 +45,18 @@ impl From<Failure> for Stop {
 pub(super) struct Course {
     pub(super) first_step: u64,
     pub(super) period_steps: u64,
+}
+
+impl Course {
+    /// Returns the first step after the measurement.
+    pub(super) const fn end_step(self) -> u64 {
+        self.first_step + (1 + WINDOWS as u64) * self.period_steps
+    }
+
+    /// Returns the first step of the windows.
+    pub(super) const fn measured_step(self) -> u64 {
+        self.first_step + self.period_steps
+    }
 }
 
 /// Loops of a plan, all of which are cut at a probe.
@@ -76,13 +92,15 @@ pub(super) struct Motion {
     pub(super) largest: Vec<f64>,
     /// Number of steps of the probe at which an actuator stood at the end of its range, by command.
     pub(super) limited: Vec<u64>,
+    /// Faults and changes of the run.
+    pub(super) events: Vec<Event>,
 }
 
 impl Loops<'_> {
     /// Runs the loops, with tones at a command if there are any.
     pub(super) fn run(&self, excitation: Option<Excitation<'_>>) -> Result<Motion, Stop> {
         let mut plan = self.plan.clone();
-        plan.run.steps = self.course.first_step + (1 + WINDOWS as u64) * self.course.period_steps;
+        plan.run.steps = self.course.end_step();
         plan.probes = (self.commands.iter().enumerate())
             .map(|(place, command)| Probe {
                 command: command.clone(),
@@ -168,15 +186,47 @@ impl Motion {
     /// Returns the least factor by which the range of a command's values grows from one window to the next.
     pub(super) fn growth(&self, command: usize) -> f64 {
         let windows = self.inputs[command].chunks(self.course.period_steps as usize);
+        // A command that stands still moves by rounding, of which no ratio means anything.
+        let least = ROUNDING * self.largest[command];
         let ranges: Vec<f64> = windows
             .map(|values| {
                 let [low, high] = ends(values);
-                high - low
+                larger(high - low, least)
             })
             .collect();
         let ratios = ranges.windows(2).map(|pair| pair[1] / pair[0]);
         let least = ratios.fold(f64::INFINITY, smaller);
         if least.is_finite() { least } else { 1.0 } // a command that stood still does not grow
+    }
+
+    /// Returns the growth per period of the motion of any command, if it grows steadily.
+    pub(super) fn steady_growth(&self) -> Option<f64> {
+        let all = self.inputs.iter().zip(&self.largest);
+        all.filter_map(|(values, largest)| {
+            growth::of(
+                values,
+                self.course.period_steps as usize,
+                ROUNDING * largest,
+            )
+        })
+        .reduce(larger)
+    }
+
+    /// Returns the growth per period of the response of any command to the tones, if it grows steadily; noise of the
+    /// same seed is no part of it.
+    pub(super) fn steady_growth_over(&self, own: &Self) -> Option<f64> {
+        let all = self.inputs.iter().zip(&own.inputs).zip(&self.largest);
+        let growths = all.filter_map(|((values, own), largest)| {
+            let response: Vec<f64> = values.iter().zip(own).map(|(a, b)| a - b).collect();
+            let [low, high] = ends(&response);
+            let rounding = 1e-12 * largest;
+            growth::of(
+                &response,
+                self.course.period_steps as usize,
+                larger(ROUNDING * (high - low), rounding),
+            )
+        });
+        growths.reduce(larger)
     }
 
     /// Returns the value at which a command stands for several steps, if that is its largest or smallest.
@@ -232,6 +282,7 @@ impl Series {
                 output: Vec::new(),
                 largest: vec![0.0; count],
                 limited: vec![0; count],
+                events: Vec::new(),
             },
         }
     }
@@ -275,7 +326,8 @@ impl RecordSink for Series {
         Ok(())
     }
 
-    fn event(&mut self, _: &Event) -> Result<(), LinkError> {
+    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+        self.motion.events.push(event.clone());
         Ok(())
     }
 }

@@ -1,5 +1,6 @@
 //! Reasons why a response supports no margins.
 
+use super::extremes::larger;
 use super::locus::Margins;
 use super::point::{Point, size};
 
@@ -12,8 +13,16 @@ const DECISIVE: std::ops::RangeInclusive<f64> = 0.1..=10.0;
 /// Growth of the own motion from one window to the next that shows an unstable loop.
 const GROWTH: f64 = 1.2;
 
+/// Returns the reason why a loop is not stable or not settled, if its motion grows by this share in each period.
+pub(super) fn growing(growth: f64, period_s: f64, with: &str) -> String {
+    let per_s = libm::log1p(growth) / period_s;
+    format!(
+        "the loop is unstable, or still settling: {with}, its own motion grows by {per_s:.3e} per second throughout the measurement; choose a later --at if it is stable"
+    )
+}
+
 /// Returns the reason why responses support no margins, if there is one; `growth` is that of the loop's own motion.
-pub(super) fn of(points: &[Point], margins: &Margins, growth: f64) -> Option<String> {
+pub(super) fn of(points: &[Point], growth: f64) -> Option<String> {
     if let Some(point) = points.iter().find(|point| !size(point.l).is_finite()) {
         return Some(format!(
             "there is no response at {:.4} Hz",
@@ -52,6 +61,11 @@ pub(super) fn of(points: &[Point], margins: &Margins, growth: f64) -> Option<Str
             100.0 * share
         ));
     }
+    None
+}
+
+/// Returns the reason if a locus has no crossover.
+pub(super) fn without_crossover(points: &[Point], margins: &Margins) -> Option<String> {
     let [first, last] = [points.first()?, points.last()?];
     margins.crossovers.is_empty().then(|| {
         format!(
@@ -62,6 +76,32 @@ pub(super) fn of(points: &[Point], margins: &Margins, growth: f64) -> Option<Str
             last.frequency_hz
         )
     })
+}
+
+/// Returns the reasons to refuse the gain margin and the least distance from -1 alone: what changes there, however
+/// small L is.
+pub(super) fn figures(points: &[Point], margins: &Margins) -> [Option<String>; 2] {
+    let beside = |hz: f64| {
+        let after = points.partition_point(|point| point.frequency_hz < hz);
+        &points[after.saturating_sub(1)..points.len().min(after + 1)]
+    };
+    let reason = |hz: f64, share: &dyn Fn(&Point) -> f64| {
+        let all = beside(hz).iter();
+        let all = all.map(|point| {
+            let change = larger(point.unsteadiness(), point.nonlinearity());
+            share(point) * larger(change, point.own * CHANGE / OWN_MOTION)
+        });
+        let worst = all.fold(0.0, larger);
+        (worst > CHANGE).then(|| {
+            format!(
+                "the response at {hz:.4} Hz is uncertain by {:.1} %, from period to period, at half the amplitude or by the loop's own motion; raise --amplitude, or choose another --at",
+                100.0 * worst
+            )
+        })
+    };
+    let gain = (margins.phase_crossover()).and_then(|[hz, _]| reason(hz, &|_| 1.0));
+    let to_distance = |point: &Point| size(point.l) / size((1.0 + point.l.0, point.l.1));
+    [gain, reason(margins.disc[0], &to_distance)]
 }
 
 /// Returns the reason if an actuator stood at the end of its range while the probe ran.

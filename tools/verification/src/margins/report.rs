@@ -10,6 +10,15 @@ use super::measurement::Measured;
 use super::point::Point;
 use super::together::Together;
 
+/// Times of a measurement in s.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Time {
+    /// Beginning of the probe.
+    pub(super) at_s: f64,
+    /// Beginning and end of the measured periods.
+    pub(super) measured_s: [f64; 2],
+}
+
 /// Margins of all loops.
 #[derive(Debug, Default, Serialize)]
 pub(super) struct Report {
@@ -22,6 +31,8 @@ pub(super) struct Report {
 #[derive(Debug, Serialize)]
 struct Joint {
     at_s: f64,
+    /// Beginning and end of the measured periods.
+    measured_s: [f64; 2],
     /// Reason, if the margin was refused; the figures are then null.
     refused: Option<String>,
     /// Least singular value of `I + L` after balancing, which the units of the commands do not affect.
@@ -42,6 +53,8 @@ pub(super) struct Input {
     command: String,
     unit: String,
     at_s: f64,
+    /// Beginning and end of the measured periods.
+    measured_s: [f64; 2],
     /// Reason, if the margins were refused; the figures are then null.
     refused: Option<String>,
     amplitude: Option<f64>,
@@ -57,7 +70,11 @@ pub(super) struct Input {
     crossovers: Vec<[f64; 2]>,
     /// Frequencies with a phase of -180 degrees, each with its gain margin in dB.
     phase_crossovers: Vec<[f64; 2]>,
-    /// Least and largest value of each figure among single periods and half the amplitude.
+    /// Reason, if the gain margin alone was refused.
+    gain_refused: Option<String>,
+    /// Reason, if the least `|1 + L|` alone was refused.
+    disc_refused: Option<String>,
+    /// Least and largest value of each figure among single periods, half the amplitude and a coarser interpolation.
     intervals: Intervals,
     /// Least coherence of all frequencies.
     coherence: Option<f64>,
@@ -117,7 +134,7 @@ impl Report {
         &mut self,
         command: &str,
         unit: &str,
-        at_s: f64,
+        time: Time,
         result: Result<&Measured, String>,
     ) {
         let (measured, refused) = match result {
@@ -130,16 +147,21 @@ impl Report {
             let mut all = all.skip_while(|value| value.is_nan());
             all.next().map(|first| all.fold([first; 2], extended))
         };
+        let gain_refused = measured.and_then(|one| one.gain_refused.clone());
+        let disc_refused = measured.and_then(|one| one.disc_refused.clone());
+        let gain = |value| if gain_refused.is_some() { None } else { value };
+        let disc = |value| if disc_refused.is_some() { None } else { value };
         self.inputs.push(Input {
             command: command.into(),
             unit: unit.into(),
-            at_s,
+            at_s: time.at_s,
+            measured_s: time.measured_s,
             refused,
             amplitude: measured.as_ref().map(|one| one.amplitude),
-            gain_margin_db: figure(GAIN),
+            gain_margin_db: gain(figure(GAIN)),
             phase_margin_deg: figure(PHASE),
             delay_margin_s: figure(DELAY),
-            disc_margin: figure(DISC),
+            disc_margin: disc(figure(DISC)),
             crossover_hz: figure(CROSSOVER),
             phase_crossover_hz: figure(|one| one.phase_crossover().map(|[hz, _]| hz)),
             disc_hz: figure(|one| Some(one.disc[0])),
@@ -160,6 +182,8 @@ impl Report {
                     .map(|point| point.coherence)
                     .reduce(smaller)
             }),
+            gain_refused,
+            disc_refused,
             responses: (measured.iter().flat_map(|one| &one.points))
                 .map(Answer::of)
                 .collect(),
@@ -167,14 +191,15 @@ impl Report {
     }
 
     /// Adds the margin of all loops together.
-    pub(super) fn add_together(&mut self, at_s: f64, result: Result<Together, String>) {
+    pub(super) fn add_together(&mut self, time: Time, result: Result<Together, String>) {
         let (margin, refused) = match result {
             Ok(margin) => (Some(margin), None),
             Err(reason) => (None, Some(reason)),
         };
         let margin = margin.as_ref();
         self.together.push(Joint {
-            at_s,
+            at_s: time.at_s,
+            measured_s: time.measured_s,
             refused,
             margin: margin.map(|one| one.margin),
             margin_interval: margin.map(|one| one.interval),
@@ -187,7 +212,8 @@ impl Report {
 
     /// Returns `true` if no loop was refused.
     pub(super) fn is_complete(&self) -> bool {
-        let inputs = self.inputs.iter().map(|input| &input.refused);
+        let inputs = (self.inputs.iter())
+            .flat_map(|input| [&input.refused, &input.gain_refused, &input.disc_refused]);
         let mut all = inputs.chain(self.together.iter().map(|joint| &joint.refused));
         all.all(Option::is_none)
     }
@@ -234,7 +260,12 @@ impl Report {
 
 impl Joint {
     fn write(&self, text: &mut String) -> std::fmt::Result {
-        writeln!(text, "all commands together at {} s", self.at_s)?;
+        let [from_s, until_s] = self.measured_s;
+        writeln!(
+            text,
+            "all commands together at {} s, measured from {from_s} s to {until_s} s",
+            self.at_s
+        )?;
         if let Some(reason) = &self.refused {
             return writeln!(text, "  refused: {reason}");
         }
@@ -259,13 +290,26 @@ impl Joint {
 
 impl Input {
     fn write(&self, text: &mut String) -> std::fmt::Result {
-        writeln!(text, "command.{} at {} s", self.command, self.at_s)?;
+        let [from_s, until_s] = self.measured_s;
+        writeln!(
+            text,
+            "command.{} at {} s, measured from {from_s} s to {until_s} s",
+            self.command, self.at_s
+        )?;
         if let Some(reason) = &self.refused {
             return writeln!(text, "  refused: {reason}");
         }
         let ranges = &self.intervals;
         let mut line =
             |name: &str, value: Option<f64>, range: Option<[f64; 2]>, unit: &str, at_hz| {
+                let refused = match name {
+                    "gain margin" => &self.gain_refused,
+                    "least |1 + L|" => &self.disc_refused,
+                    _ => &None,
+                };
+                if let Some(reason) = refused {
+                    return writeln!(text, "  {name:<14}refused: {reason}");
+                }
                 let Some(value) = value else {
                     return writeln!(text, "  {name:<14}none in this range");
                 };

@@ -2,8 +2,14 @@
 
 use hil_console::terminal::exit::Failure;
 
+use super::extremes::larger;
+
 /// Turns of the lowest frequency in the common period of all tones.
 const TURNS: f64 = 2.0;
+/// Least number of frequencies of the common period in the range.
+const TONES: f64 = 16.0;
+/// Ratio of neighbouring frequencies of the survey.
+const DENSE: f64 = 1.015;
 /// Number of the first frequencies.
 const COUNT: usize = 60;
 /// Longest common period in steps, which limits the memory of a measurement.
@@ -52,8 +58,9 @@ impl Span {
         }
         if span.period_steps() > LONGEST_STEPS {
             return Err(Failure::usage(format!(
-                "--frequencies: from at least {} Hz at this rate",
-                TURNS * rate_hz / LONGEST_STEPS as f64
+                "--frequencies: from at least {} Hz at this rate, and at least {} Hz wide",
+                TURNS * rate_hz / LONGEST_STEPS as f64,
+                TONES * rate_hz / LONGEST_STEPS as f64
             )));
         }
         Ok(span)
@@ -61,7 +68,9 @@ impl Span {
 
     /// Returns the common period of all tones in steps.
     pub(super) fn period_steps(&self) -> u64 {
-        (TURNS * self.rate_hz / self.low_hz).ceil() as u64
+        let turns = TURNS * self.rate_hz / self.low_hz;
+        let narrow = TONES * self.rate_hz / (self.high_hz - self.low_hz);
+        larger(turns, narrow).ceil() as u64
     }
 
     /// Returns the frequency of a tone with these turns in the common period.
@@ -71,9 +80,19 @@ impl Span {
 
     /// Lists the turns of the first tones, spaced evenly in the logarithm of the frequency.
     pub(super) fn tones(&self) -> Vec<u64> {
+        self.spaced(self.count)
+    }
+
+    /// Lists the turns of tones 1.5 % apart, or as near as the period allows.
+    pub(super) fn dense(&self) -> Vec<u64> {
+        let ratio = libm::log(self.high_hz / self.low_hz) / libm::log(DENSE);
+        self.spaced(2 + ratio as usize)
+    }
+
+    fn spaced(&self, count: usize) -> Vec<u64> {
         let ratio = self.high_hz / self.low_hz;
-        let last = (self.count - 1) as f64;
-        let tones = (0..self.count).map(|n| {
+        let last = (count - 1) as f64;
+        let tones = (0..count).map(|n| {
             let frequency_hz = self.low_hz * libm::pow(ratio, n as f64 / last);
             self.turns(frequency_hz)
         });

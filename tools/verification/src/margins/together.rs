@@ -35,16 +35,16 @@ pub(super) struct Together {
 /// S at one frequency: of the mean of all windows, then of each window.
 type Sensitivity = [DMatrix<Complex<f64>>; 1 + WINDOWS];
 
-/// Measures the margin of all loops together, given each loop's own measurement at the same tones.
+/// Measures the margin of all loops together, given each loop's survey, all at the same tones.
 pub(super) fn measure(
     loops: &Loops<'_>,
     own: &Motion,
     measured: &[&Measured],
     span: Span,
 ) -> Result<Together, Stop> {
-    let first: Vec<&[Fitted]> = measured.iter().map(|one| &one.first[..]).collect();
+    let survey: Vec<&[Fitted]> = measured.iter().map(|one| &one.survey[..]).collect();
     let mut all = BTreeMap::new();
-    add(&mut all, &span.tones(), &first);
+    add(&mut all, &span.dense(), &survey);
     for _ in 0..REFINEMENTS {
         let least = all.iter().min_by(|a, b| {
             let margin = |all: &Sensitivity| balanced_margin(&all[0]);

@@ -101,7 +101,7 @@ fn nothing_fails(trials: &Trials) -> Stop {
     if is_same(|one| one.share.to_bits()) {
         let (name, _) = trials.requirement(&all[0]);
         return Stop::Refused(format!(
-            "`{name}` does not depend on {names}: its margin is the same in all {} runs, so no signal of its formula is reached; search another requirement, or vary a value or fault that acts on its signals",
+            "`{name}` has the same margin in all {} runs, whatever {names} is: either no signal of its formula is reached, or another part of the formula decides; search another requirement, or vary a value or fault that acts on its signals",
             all.len()
         ));
     }

@@ -1,0 +1,131 @@
+//! Parts of a loop that act at some steps only, so that it has two rates and no single response.
+
+use std::path::Path;
+
+use hil_config::bus;
+use hil_config::plan::{FaultAction, FaultEffect, FaultEvent, Plan, Profile, Stimulus, Trigger};
+use hil_config::port::PortTables;
+use shared_types::describe::PlantDescription;
+use shared_types::table::Field;
+
+/// Returns the reason to refuse a loop of two rates; `last_step` is the last of the measurement.
+pub(super) fn of(plan: &Plan, plants: &[PlantDescription], last_step: u64) -> Option<String> {
+    law(plan)
+        .or_else(|| instrument(plan))
+        .or_else(|| frame(plan, plants))
+        .or_else(|| fault(plan, last_step))
+}
+
+fn law(plan: &Plan) -> Option<String> {
+    let divisor = plan.controller.rate_divisor;
+    (divisor != 1).then(|| {
+        format!(
+            "the law runs at every {} sample only, so the loop has two rates and no single response; measure it at the rate of the law: {}",
+            ordinal(u64::from(divisor)),
+            slower(plan, f64::from(divisor))
+        )
+    })
+}
+
+fn instrument(plan: &Plan) -> Option<String> {
+    let sensors = plan.sensors.iter().map(|one| ("sensor", one));
+    let actuators = plan.actuators.iter().map(|one| ("actuator", one));
+    let (kind, one) =
+        { sensors.chain(actuators) }.find(|(_, one)| one.divisor(plan.run.rate) > 1.0)?;
+    let divisor = one.divisor(plan.run.rate);
+    Some(format!(
+        "the {kind} of {} has a rate_hz and acts at every {} step only, so the loop has two rates and no single response; measure it at that rate: {}",
+        one.signal,
+        ordinal(divisor as u64),
+        slower(plan, divisor)
+    ))
+}
+
+fn frame(plan: &Plan, plants: &[PlantDescription]) -> Option<String> {
+    let one = plan.bus.as_ref()?;
+    let reference: Vec<Field> = plan.stimuli.iter().flat_map(Stimulus::fields).collect();
+    let plant = plan.plant_among(plants)?;
+    let tables = PortTables {
+        measured: &plant.measured,
+        reference: &reference,
+        commands: &plant.commands,
+    };
+    let port = bus::read(one, Path::new("bus.toml"), &tables).ok()?;
+    let frames = bus::frames(&port, one, plan.run.rate).ok()?;
+    let frame = frames.iter().find(|frame| frame.period_steps > 1)?;
+    Some(format!(
+        "frame {} of the bus is sent at every {} step only, so the loop has two rates and no single response; measure it at that rate: {}",
+        frame.frame.name,
+        ordinal(frame.period_steps),
+        slower(plan, frame.period_steps as f64)
+    ))
+}
+
+fn fault(plan: &Plan, last_step: u64) -> Option<String> {
+    plan.faults.iter().find_map(|event| {
+        let mut effects = { event.effects.iter() }.filter(|one| begins(event, one) <= last_step);
+        let reason = effects.find_map(|effect| match (&effect.profile, &effect.action) {
+            (Profile::Intermittent { .. }, _) => Some(format!(
+                "comes and goes on {}, so the loop varies in time",
+                effect.target
+            )),
+            (Profile::Sine { .. }, _) => Some(format!(
+                "has a periodic profile on {}, so the loop varies in time",
+                effect.target
+            )),
+            (_, FaultAction::Kind { parameters, .. }) => {
+                let every = parameters.get("every_steps").filter(|every| *every > 1.0)?;
+                Some(format!(
+                    "samples {} at every {} step only, so the loop has two rates",
+                    effect.target,
+                    ordinal(every as u64)
+                ))
+            }
+            _ => None,
+        })?;
+        Some(format!(
+            "fault {} ({}) {reason} and no single response; choose another --fault, or --fault 0 for none",
+            event.id, event.kind
+        ))
+    })
+}
+
+/// Returns the first step at which an effect may act.
+const fn begins(event: &FaultEvent, effect: &FaultEffect) -> u64 {
+    match &event.trigger {
+        Trigger::Step { step, .. } => step.0 + effect.skew_steps,
+        _ => 0,
+    }
+}
+
+/// Returns the options that run the loop at a part of its rate.
+fn slower(plan: &Plan, divisor: f64) -> String {
+    let rate_hz = plan.run.rate.hz() / divisor;
+    let substeps = divisor * f64::from(plan.plant.substeps);
+    format!("--set run.rate_hz={rate_hz} --set plant.substeps={substeps}")
+}
+
+fn ordinal(number: u64) -> String {
+    let suffix = match (number % 10, number % 100) {
+        (_, 11..=13) => "th",
+        (1, _) => "st",
+        (2, _) => "nd",
+        (3, _) => "rd",
+        _ => "th",
+    };
+    format!("{number}{suffix}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ordinal_numbers_are_english() {
+        let all = [1, 2, 3, 4, 11, 12, 13, 21, 22, 101, 112].map(ordinal);
+        let expected = [
+            "1st", "2nd", "3rd", "4th", "11th", "12th", "13th", "21st", "22nd", "101st", "112th",
+        ];
+        assert_eq!(all, expected);
+    }
+}
