@@ -115,7 +115,7 @@ fn without_a_recording_the_figures_decide_and_a_note_says_so() {
         output["note"]
             .as_str()
             .expect("a note")
-            .contains("only digest and figures"),
+            .contains("only the digest and the figures"),
         "{output}"
     );
     let figures = output["figures"].as_array().expect("a list");

@@ -124,7 +124,7 @@ fn the_truth_of_a_rig_is_refused_with_the_measured_signal_to_ask_for() {
     }
     for text in [
         with("[[plots]]\ntitle = \"p\"\nsignals = [\"truth.position_m\"]"),
-        with("[panel]\nsignals = [\"truth.position_m\"]"),
+        with("[panel]\nreadings = [\"truth.position_m\"]"),
     ] {
         let problem = problem(&text);
         assert!(problem.contains(truth), "{problem}");
