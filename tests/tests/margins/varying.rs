@@ -38,7 +38,9 @@ fn a_fault_that_samples_or_comes_and_goes_is_refused() {
     let reasons = ["fault 1 (scale) comes and goes", "--fault 0"];
     refused(&rig, &scenario, TWENTY, &reasons);
     measured(&rig, &scenario, &[TWENTY, &["--fault", "0"]].concat());
-    // A fault after the measurement is no part of it.
+    // A fault after or before the measurement is no part of it.
+    let before = fault("scale", 0.0, effect).replace("at_s = 0.0", "at_s = 0.0\nend_s = 1.0");
+    measured(&rig, &teaching_with(&rig, &before), TWENTY);
     let later = teaching_with(&rig, &fault("scale", 90.0, effect));
     let longer = ["--set", "run.duration_s=100", "--at", "2"];
     measured(&rig, &later, &[TWENTY, &longer].concat());
@@ -74,6 +76,9 @@ fn a_fault_that_begins_or_ends_during_the_measurement_is_refused() {
     let ramp = fault("scale", 0.0, &ramp);
     let reasons = ["fault 1 (scale) moves from 0 s to 5 s", interval];
     refused(&rig, &teaching_with(&rig, &ramp), &further, &reasons);
+    // A ramp that was cut short before the probe does not move.
+    let short = ramp.replace("at_s = 0.0", "at_s = 0.0\nend_s = 1.0");
+    measured(&rig, &teaching_with(&rig, &short), &further);
 }
 
 #[test]

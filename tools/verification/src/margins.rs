@@ -182,7 +182,7 @@ impl OperatingPoint<'_> {
     fn own(&self, loops: &Loops<'_>) -> Result<Result<Motion, String>, Failure> {
         let (plants, ..) = self.rig.described();
         let course = loops.course;
-        if let Some(reason) = rates::of(self.plan, plants, course.end_step()) {
+        if let Some(reason) = rates::of(self.plan, plants, course) {
             return Ok(Err(reason));
         }
         let own = match refusable(loops.run(None))? {

@@ -16,6 +16,7 @@ const REST: f64 = 1e-4;
 pub(super) fn of(plan: &Plan, events: &[Event], course: Course) -> Option<String> {
     let all = Movements {
         plan,
+        events,
         steps: course.first_step..course.end_step(),
     };
     let event = events.iter().find_map(|event| all.event(event));
@@ -36,6 +37,7 @@ type Reason = (String, &'static str);
 
 struct Movements<'a> {
     plan: &'a Plan,
+    events: &'a [Event],
     /// Steps of the probe.
     steps: Range<u64>,
 }
@@ -60,7 +62,13 @@ impl Movements<'_> {
                     return Some((format!("fault {id} ({kind}) begins at {begin_s} s"), FAULT));
                 }
                 let [from_s, until_s] = moving_s(fault?, begun.effect)?.map(|s| begin_s + s);
-                let moves = from_s < self.seconds(self.steps.end)
+                let is_over = self.events.iter().any(|event| {
+                    matches!(event, Event::FaultEnded(ended)
+                        if (ended.id, ended.effect) == (id, begun.effect)
+                            && ended.step <= self.steps.start)
+                });
+                let moves = !is_over
+                    && from_s < self.seconds(self.steps.end)
                     && until_s > self.seconds(self.steps.start);
                 moves.then(|| {
                     let text = format!("fault {id} ({kind}) moves from {from_s} s to {until_s} s");

@@ -8,12 +8,14 @@ use hil_config::port::PortTables;
 use shared_types::describe::PlantDescription;
 use shared_types::table::Field;
 
-/// Returns the reason to refuse a loop of two rates; `last_step` is the last of the measurement.
-pub(super) fn of(plan: &Plan, plants: &[PlantDescription], last_step: u64) -> Option<String> {
+use super::probe::Course;
+
+/// Returns the reason to refuse a loop of two rates.
+pub(super) fn of(plan: &Plan, plants: &[PlantDescription], course: Course) -> Option<String> {
     law(plan)
         .or_else(|| instrument(plan))
         .or_else(|| frame(plan, plants))
-        .or_else(|| fault(plan, last_step))
+        .or_else(|| fault(plan, course))
 }
 
 fn law(plan: &Plan) -> Option<String> {
@@ -61,9 +63,9 @@ fn frame(plan: &Plan, plants: &[PlantDescription]) -> Option<String> {
     ))
 }
 
-fn fault(plan: &Plan, last_step: u64) -> Option<String> {
+fn fault(plan: &Plan, course: Course) -> Option<String> {
     plan.faults.iter().find_map(|event| {
-        let mut effects = { event.effects.iter() }.filter(|one| begins(event, one) <= last_step);
+        let mut effects = { event.effects.iter() }.filter(|one| acts(event, one, course));
         let reason = effects.find_map(|effect| match (&effect.profile, &effect.action) {
             (Profile::Intermittent { .. }, _) => Some(format!(
                 "comes and goes on {}, so the loop varies in time",
@@ -90,12 +92,20 @@ fn fault(plan: &Plan, last_step: u64) -> Option<String> {
     })
 }
 
-/// Returns the first step at which an effect may act.
-const fn begins(event: &FaultEvent, effect: &FaultEffect) -> u64 {
-    match &event.trigger {
-        Trigger::Step { step, .. } => step.0 + effect.skew_steps,
-        _ => 0,
-    }
+/// Returns `true` if an effect may act during a measurement.
+fn acts(event: &FaultEvent, effect: &FaultEffect, course: Course) -> bool {
+    let begin = match &event.trigger {
+        Trigger::Step { step, .. } => Some(step.0 + effect.skew_steps),
+        _ => None,
+    };
+    let after = begin.zip(event.end.after_steps);
+    let ends = [
+        event.end.step.map(|step| step.0),
+        after.map(|(begin, steps)| begin + steps),
+    ];
+    let is_later = begin.is_some_and(|begin| begin >= course.end_step());
+    let is_over = ends.iter().flatten().any(|end| *end <= course.first_step);
+    !is_later && !is_over
 }
 
 /// Returns the options that run the loop at a part of its rate.
