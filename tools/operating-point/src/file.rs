@@ -110,7 +110,7 @@ impl File {
                 c,
                 d,
             }),
-            is_stable: eigenvalues.iter().all(|mode| mode.magnitude < 1.0),
+            is_stable: eigenvalues.iter().all(Mode::decays),
             eigenvalues,
         })
     }
@@ -175,10 +175,10 @@ impl File {
         writeln!(
             text,
             "{}: the largest magnitude is {}",
-            if self.is_stable {
-                "stable"
-            } else {
-                "not stable"
+            match (self.is_stable, modes::integrates(largest)) {
+                (true, _) => "stable",
+                (false, true) => "integrates",
+                (false, false) => "not stable",
             },
             exact(largest)
         )?;

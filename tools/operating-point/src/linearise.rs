@@ -141,7 +141,17 @@ fn refuse_renamed(plan: &Plan) -> Result<(), Failure> {
 
 /// Refuses a loop with something between plant and law that has a state of its own.
 fn refuse_between(plan: &Plan) -> Result<(), Failure> {
-    let between = [
+    match between(plan) {
+        None => Ok(()),
+        Some(what) => Err(Failure::Differ(format!(
+            "the loop has {what}, whose state has no names, so the linear loop would lack it; use --of plant and --of law"
+        ))),
+    }
+}
+
+/// Returns what stands between plant and law and has a state of its own, if anything.
+pub(crate) fn between(plan: &Plan) -> Option<&'static str> {
+    let all = [
         ("sensors (`[[sensors]]`)", !plan.sensors.is_empty()),
         ("actuators (`[[actuators]]`)", !plan.actuators.is_empty()),
         ("a bus (`[bus]`)", plan.bus.is_some()),
@@ -154,10 +164,6 @@ fn refuse_between(plan: &Plan) -> Result<(), Failure> {
             plan.controller.rate_divisor > 1,
         ),
     ];
-    match between.iter().find(|(_, is_there)| *is_there) {
-        None => Ok(()),
-        Some((what, _)) => Err(Failure::Differ(format!(
-            "the loop has {what}, whose state has no names, so the linear loop would lack it; use --of plant and --of law"
-        ))),
-    }
+    let mut there = all.into_iter().filter(|(_, is_there)| *is_there);
+    there.next().map(|(what, _)| what)
 }

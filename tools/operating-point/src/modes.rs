@@ -26,6 +26,18 @@ pub(crate) struct Mode {
     pub(crate) damping: Option<f64>,
 }
 
+impl Mode {
+    /// Returns `true` if the mode decays, by more than the rounding of an integrator.
+    pub(crate) fn decays(&self) -> bool {
+        self.magnitude < 1.0 && !integrates(self.magnitude)
+    }
+}
+
+/// Returns `true` if the magnitude of an eigenvalue is that of an integrator, apart from its rounding.
+pub(crate) fn integrates(magnitude: f64) -> bool {
+    (magnitude - 1.0).abs() < INTEGRATES
+}
+
 /// Returns the modes of a state matrix with this period, slowest decay first.
 ///
 /// # Errors

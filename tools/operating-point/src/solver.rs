@@ -16,6 +16,12 @@ const HOLDS: f64 = 1e-9;
 const ROUNDING: f64 = 1e-15;
 /// Singular value relative to the largest below which a direction is free.
 const SINGULAR: f64 = 1e-10;
+/// Size of an equation relative to the number in it, of which [`HOLDS`] is a few roundings of the number.
+const ROUNDED: f64 = 4e-6;
+/// Largest entry of a row or column that is taken for 0.
+const NOTHING: f64 = 1e-12;
+/// Passes that make rows and columns alike.
+const PASSES: u32 = 20;
 /// Damping of the first damped step, and the largest.
 const DAMPING: (f64, f64) = (1e-8, 1e8);
 
@@ -105,7 +111,7 @@ struct Evaluated {
 /// Finds the equilibrium closest to a map's point, or the point with the least residual.
 ///
 /// # Errors
-/// If the map cannot be evaluated at its own point.
+/// If the map cannot be evaluated at its own point, or its program fails.
 pub(crate) fn solve(
     start: LocalMap,
     problem: &Problem,
@@ -124,9 +130,12 @@ pub(crate) fn solve(
         }
         let step = step(&best, problem, &sizes, damping);
         let (states, inputs) = moved(&best.map, problem, &step);
-        let next = map(&states, &inputs)
-            .ok()
-            .map(|map| evaluated(map, problem));
+        let next = match map(&states, &inputs) {
+            Ok(map) => Some(evaluated(map, problem)),
+            // The program refuses these values.
+            Err(Failure::Differ(_)) => None,
+            Err(failure) => return Err(failure),
+        };
         evaluations += 1;
         match next.filter(|next| scaled_norm(&next.residuals, &sizes.equations) < error) {
             Some(next) => {
@@ -160,21 +169,32 @@ struct Sizes {
     unknowns: Vec<f64>,
 }
 
-/// Returns the sizes of numbers: their values, or 1 where they are 0.
+/// Returns the sizes of unknowns, which are their values, or 1 where they are 0; and of equations, which are the largest
+/// change of each while one state or input changes by its size. The rounding of the number itself is no residual.
 fn sizes(map: &LocalMap, problem: &Problem) -> Sizes {
     let size = |value: f64| match value.abs() > 1e-6 {
         true => value.abs(),
         false => 1.0,
     };
-    let states: Vec<f64> = map.states.iter().map(|state| size(state.value)).collect();
-    let held = problem.held.iter().map(|held| size(held.value));
-    let free = problem
-        .free
-        .iter()
-        .map(|place| size(map.inputs[*place].value));
+    let n = map.states.len();
+    let all = map.states.iter().chain(&map.inputs);
+    let all: Vec<f64> = all.map(|one| size(one.value)).collect();
+    let columns: Vec<usize> = (0..all.len()).collect();
+    let derivatives = derivatives(map, problem, &columns);
+    let states = map.states.iter().map(|state| state.value);
+    let own = states.chain(problem.held.iter().map(|held| held.value));
+    let equations = own.enumerate().map(|(row, own)| {
+        let changes = derivatives.row(row);
+        let changes = changes.iter().zip(&all).map(|(by, size)| (by * size).abs());
+        match changes.fold(ROUNDED * own.abs(), larger) {
+            0.0 => 1.0,
+            size => size,
+        }
+    });
+    let free = problem.free.iter().map(|place| all[n + place]);
     Sizes {
-        equations: states.iter().copied().chain(held).collect(),
-        unknowns: states.iter().copied().chain(free).collect(),
+        equations: equations.collect(),
+        unknowns: all[..n].iter().copied().chain(free).collect(),
     }
 }
 
@@ -200,16 +220,11 @@ fn value(map: &LocalMap, place: Place) -> f64 {
     }
 }
 
-/// Returns the derivatives of the residuals by the unknowns.
-fn jacobian(map: &LocalMap, problem: &Problem) -> DMatrix<f64> {
+/// Returns the derivatives of the residuals by these columns of a map: its states, then its inputs.
+fn derivatives(map: &LocalMap, problem: &Problem, columns: &[usize]) -> DMatrix<f64> {
     let n = map.states.len();
-    let column = |unknown: usize| match unknown < n {
-        true => unknown,
-        false => n + problem.free[unknown - n],
-    };
-    let (rows, columns) = (n + problem.held.len(), n + problem.free.len());
-    DMatrix::from_fn(rows, columns, |row, unknown| {
-        let column = column(unknown);
+    DMatrix::from_fn(n + problem.held.len(), columns.len(), |row, place| {
+        let column = columns[place];
         let derivative = |result: usize| map.columns[column][result];
         let is_own = |place: usize| f64::from(u8::from(place == column));
         match row.checked_sub(n).map(|held| problem.held[held].place) {
@@ -221,31 +236,74 @@ fn jacobian(map: &LocalMap, problem: &Problem) -> DMatrix<f64> {
     })
 }
 
-fn scaled(best: &Evaluated, problem: &Problem, sizes: &Sizes) -> DMatrix<f64> {
-    let mut matrix = jacobian(&best.map, problem);
-    for (row, size) in sizes.equations.iter().enumerate() {
-        matrix.row_mut(row).scale_mut(1.0 / size);
-    }
-    for (column, size) in sizes.unknowns.iter().enumerate() {
-        matrix.column_mut(column).scale_mut(*size);
+/// Derivatives of the residuals by the unknowns, both as multiples of their scales.
+struct Scaled {
+    matrix: DMatrix<f64>,
+    rows: Vec<f64>,
+    columns: Vec<f64>,
+}
+
+/// Scales the derivatives by the sizes, then until the largest entries of rows and columns are alike (Ruiz, 2001).
+/// Otherwise a number in a large unit would look undetermined.
+fn scaled(best: &Evaluated, problem: &Problem, sizes: &Sizes) -> Scaled {
+    let n = best.map.states.len();
+    let free = problem.free.iter().map(|place| n + place);
+    let unknowns: Vec<usize> = (0..n).chain(free).collect();
+    let mut matrix = derivatives(&best.map, problem, &unknowns);
+    let mut rows: Vec<f64> = sizes.equations.iter().map(|size| 1.0 / size).collect();
+    let mut columns = sizes.unknowns.clone();
+    scale(&mut matrix, &rows, &columns);
+    for _ in 0..PASSES {
+        let root = |largest: f64| match largest > NOTHING {
+            true => 1.0 / largest.sqrt(),
+            false => 1.0,
+        };
+        let by_row: Vec<f64> = matrix.row_iter().map(|row| root(row.amax())).collect();
+        let by_column = matrix.column_iter().map(|column| root(column.amax()));
+        let by_column: Vec<f64> = by_column.collect();
+        scale(&mut matrix, &by_row, &by_column);
+        for (own, by) in rows.iter_mut().zip(&by_row) {
+            *own *= by;
+        }
+        for (own, by) in columns.iter_mut().zip(&by_column) {
+            *own *= by;
+        }
     }
     // With fewer equations than unknowns, rows of 0 keep a singular value for each unknown.
-    let rows = matrix.nrows().max(matrix.ncols());
-    matrix.resize_vertically(rows, 0.0)
+    let all = matrix.nrows().max(matrix.ncols());
+    Scaled {
+        matrix: matrix.resize_vertically(all, 0.0),
+        rows,
+        columns,
+    }
+}
+
+fn scale(matrix: &mut DMatrix<f64>, rows: &[f64], columns: &[f64]) {
+    for (row, by) in rows.iter().enumerate() {
+        matrix.row_mut(row).scale_mut(*by);
+    }
+    for (column, by) in columns.iter().enumerate() {
+        matrix.column_mut(column).scale_mut(*by);
+    }
 }
 
 /// Returns the change of the unknowns: Newton's step of least length, or a damped one.
 fn step(best: &Evaluated, problem: &Problem, sizes: &Sizes, damping: f64) -> Vec<f64> {
-    let svd = scaled(best, problem, sizes).svd(true, true);
+    let Scaled {
+        matrix,
+        rows,
+        columns,
+    } = scaled(best, problem, sizes);
+    let svd = matrix.svd(true, true);
     let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
-        return vec![0.0; sizes.unknowns.len()];
+        return vec![0.0; columns.len()];
     };
-    let residuals = best.residuals.iter().zip(&sizes.equations);
-    let mut residuals: Vec<f64> = residuals.map(|(value, size)| value / size).collect();
+    let residuals = best.residuals.iter().zip(&rows);
+    let mut residuals: Vec<f64> = residuals.map(|(value, by)| value * by).collect();
     residuals.resize(u.nrows(), 0.0);
     let parts = u.transpose() * DVector::from_vec(residuals);
     let largest = svd.singular_values.iter().copied().fold(0.0, larger);
-    let mut change = DVector::zeros(sizes.unknowns.len());
+    let mut change = DVector::zeros(columns.len());
     for (place, sigma) in svd.singular_values.iter().enumerate() {
         if *sigma <= SINGULAR * largest {
             continue;
@@ -253,8 +311,8 @@ fn step(best: &Evaluated, problem: &Problem, sizes: &Sizes, damping: f64) -> Vec
         let factor = sigma / (sigma * sigma + damping * largest * largest);
         change -= v_t.row(place).transpose() * (factor * parts[place]);
     }
-    let change = change.iter().zip(&sizes.unknowns);
-    change.map(|(part, size)| part * size).collect()
+    let change = change.iter().zip(&columns);
+    change.map(|(part, by)| part * by).collect()
 }
 
 fn moved(map: &LocalMap, problem: &Problem, step: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -304,7 +362,7 @@ fn solution(best: Evaluated, problem: &Problem, evaluations: u32) -> Solution {
         true => best.map.states[place].name.clone(),
         false => best.map.inputs[problem.free[place - n]].name.clone(),
     };
-    let matrix = scaled(&best, problem, &sizes);
+    let Scaled { matrix, .. } = scaled(&best, problem, &sizes);
     let svd = (!matrix.is_empty()).then(|| matrix.svd(false, true));
     let mut undetermined = Vec::new();
     if let Some((svd, v_t)) = svd.as_ref().and_then(|svd| Some((svd, svd.v_t.as_ref()?))) {

@@ -21,9 +21,9 @@ use shared_types::table::{Field, nearest};
 use shared_types::time::Step;
 
 use crate::arguments::TrimArguments;
-use crate::linearise::refuse_unnamed;
+use crate::linearise::{between, refuse_unnamed};
 use crate::model::LinearModel;
-use crate::modes;
+use crate::modes::{self, Mode};
 use crate::point::Point;
 use crate::question::{Asker, Changed};
 use crate::solver::{Held, Place, Problem, Residual, Solution, solve};
@@ -240,7 +240,7 @@ fn trimmed(
         outputs: map.outputs.clone(),
         evaluations: solution.evaluations,
         largest_eigenvalue: largest,
-        is_stable: largest < 1.0,
+        is_stable: modes.iter().all(Mode::decays),
         undetermined: solution.undetermined.clone(),
         law,
         later_residual,
@@ -336,6 +336,9 @@ fn law(asker: &Asker<'_>, plant: &LocalMap, scratch: &Path) -> Result<Law, Failu
     if !asker.point.plan.controller.connections.is_empty() {
         return refused("its signals have other names in this scenario".into());
     }
+    if let Some(what) = between(&asker.point.plan) {
+        return refused(format!("the loop has {what}, with which it was not solved"));
+    }
     let mut sample = asker.point.sample(&described)?;
     for output in &plant.outputs {
         let name = format!("measured.{}", output.name);
@@ -366,6 +369,7 @@ fn law(asker: &Asker<'_>, plant: &LocalMap, scratch: &Path) -> Result<Law, Failu
     };
     let names = start.clone();
     let mut map = |states: &[f64], _: &[f64]| {
+        asker.interruption.check()?;
         let changed = Changed {
             state: settings(&names.states, states),
             ..ROUGH
@@ -435,9 +439,13 @@ fn write(text: &mut String, trim: &Trim) -> std::fmt::Result {
     }
     let magnitude = trim.largest_eigenvalue;
     if !trim.is_stable {
+        let what = match modes::integrates(magnitude) {
+            true => "integrates",
+            false => "is not stable",
+        };
         writeln!(
             text,
-            "the plant is not stable there: an eigenvalue has the magnitude {magnitude}"
+            "the plant {what} there: an eigenvalue has the magnitude {magnitude}"
         )?;
     }
     if trim.later_residual > 1e-9 {
