@@ -137,7 +137,7 @@ fn moving_s(event: &FaultEvent, effect: u32) -> Option<[f64; 2]> {
             let pairs = time_s.windows(2).zip(values.windows(2));
             let mut moving = pairs.filter(|(_, values)| values[0] != values[1]);
             let first = moving.next()?.0;
-            let last = moving.last().map_or(first, |(times, _)| times);
+            let last = moving.next_back().map_or(first, |(times, _)| times);
             Some([first[0], last[1]])
         }
     }
