@@ -43,9 +43,12 @@ pub struct LineariseArguments {
     /// Simulated time of the point, in s
     #[arg(long, value_name = "S", default_value_t = 0.0)]
     pub at: f64,
-    /// Write the model to this file, as JSON
+    /// Write the model to this file, as JSON; - for standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: Option<PathBuf>,
+    /// Overwrite an existing file
+    #[arg(long)]
+    pub force: bool,
     /// Changes of the scenario
     #[command(flatten)]
     pub changes: Changes,

@@ -1,10 +1,11 @@
 //! `hil linearise`: the linear model of a plant, a law or their loop at a point of a scenario. Changes no scenario.
 
+use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
 use hil_config::plan::Plan;
-use hil_console::files::part_file;
+use hil_console::files::destination::Destination;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -43,6 +44,11 @@ pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
             "a law has no past before its first sample; give a later point with --at",
         ));
     }
+    // Refused before anything runs.
+    let is_file = |path: &&Path| *path != Path::new("-");
+    let path = arguments.output.as_deref().filter(is_file);
+    let destination = path.map(|path| Destination::open(Some(path), arguments.force));
+    let destination = destination.transpose()?;
     let folder = tempfile::tempdir().map_err(Failure::infrastructure)?;
     let out = folder.path().join("run");
     let point = Point::reach(plan, &binaries, (arguments.at, &out, false), &interruption)?;
@@ -70,15 +76,17 @@ pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
         step: point.step.0,
     };
     let file = File::of(&model, &origin).map_err(Failure::Differ)?;
-    if let Some(path) = &arguments.output {
-        write(path, &file)?;
+    if let Some(destination) = destination {
+        write(destination, &file)?;
     }
-    output::result(arguments.json, &file, || file.text())?;
+    let is_json = arguments.json || (arguments.output.is_some() && path.is_none());
+    output::result(is_json, &file, || file.text())?;
     Ok(Exit::Pass)
 }
 
-fn write(path: &Path, file: &File) -> Result<(), Failure> {
-    part_file::write_text(path, &output::pretty(file)?)
+fn write(mut destination: Destination, file: &File) -> Result<(), Failure> {
+    let result = destination.write_all(output::pretty(file)?.as_bytes());
+    (result.and_then(|()| destination.complete())).map_err(Failure::infrastructure)
 }
 
 /// Returns the model of the plant with the inputs of the point.
