@@ -19,7 +19,7 @@ const SPRING_MASS: &str = "scenarios/spring-mass.toml";
 fn linear(rig: &Rig, arguments: &[&str]) -> Value {
     let file = rig.path("model.json");
     let path = file.display().to_string();
-    rig.hil(&[&["linearise"], arguments, &["-o", &path]].concat())
+    rig.hil(&[&["linearise"], arguments, &["--force", "-o", &path]].concat())
         .expect(0);
     let text = fs::read_to_string(file).expect("a model");
     serde_json::from_str(&text).expect("JSON")

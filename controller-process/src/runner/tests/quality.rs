@@ -127,7 +127,7 @@ fn ages_count_steps_between_the_samples_of_a_slow_law_too() {
 fn a_command_that_is_not_refreshed_keeps_its_last_value_and_is_marked() {
     for (delay_steps, expected) in [
         (0, [(10.0, 0), (20.0, 0), (20.0, 1), (20.0, 1), (50.0, 0)]),
-        (1, [(0.0, 0), (10.0, 0), (20.0, 0), (20.0, 1), (20.0, 1)]),
+        (1, [(7.0, 0), (10.0, 0), (20.0, 0), (20.0, 1), (20.0, 1)]),
     ] {
         let kind = LawKind::of::<Observer>();
         let mut ends = greeted(&kind, job(1, delay_steps), |link| link);
