@@ -9,6 +9,7 @@ use shared_types::extremes::{larger, smaller};
 use crate::foreign::{compiled, has};
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
+use crate::support::programs::shipped;
 
 const SPRING_MASS: &str = "scenarios/spring-mass.toml";
 
@@ -181,4 +182,59 @@ fn an_equilibrium_that_is_not_stable_is_found_and_named() {
     let fall = -c / 2.0 + libm::sqrt(c * c / 4.0 + w);
     let largest = trim["largest_eigenvalue"].as_f64().expect("a number");
     assert_near(largest, libm::exp(1e-3 * fall), 1e-9);
+}
+
+#[test]
+fn an_equilibrium_in_large_units_is_found() {
+    let rig = Rig::new();
+    let large = [
+        SPRING_MASS,
+        "--hold",
+        "position_m=0.02",
+        "--free",
+        "force_n",
+        "--set",
+        "plant.parameters.mass_kg=1e6",
+        "--set",
+        "plant.parameters.stiffness_n_per_m=1e9",
+        "--set",
+        "plant.parameters.damping_n_s_per_m=1e6",
+    ];
+    // F = k x
+    assert_near(
+        value(&trimmed(&rig, &large), "inputs", "force_n"),
+        2e7,
+        1e-6,
+    );
+}
+
+#[test]
+fn a_force_that_is_a_hundredth_off_is_no_equilibrium_however_slow_the_mass() {
+    let rig = Rig::new();
+    let slow = [
+        "trim",
+        SPRING_MASS,
+        "--hold",
+        "position_m=0.01",
+        "force_n=1.01",
+        "--set",
+        "plant.parameters.mass_kg=1000",
+        "--set",
+        "run.rate_hz=20000",
+    ];
+    rig.hil(&slow).expect(1).says(&["no equilibrium"]);
+}
+
+#[test]
+fn a_law_behind_an_actuator_is_not_said_to_hold_the_equilibrium() {
+    let rig = Rig::new();
+    let actuator = "\n[[actuators]]\nsignal = \"force_n\"\nrange = [-0.5, 0.5]\n";
+    let scenario = rig.write("limited.toml", &(shipped(SPRING_MASS) + actuator));
+    let scenario = scenario.to_str().expect("plain");
+    let trim = trimmed(
+        &rig,
+        &[scenario, "--hold", "position_m=0.01", "--free", "force_n"],
+    );
+    let refused = trim["law"]["refused"].as_str().expect("a reason");
+    assert!(refused.contains("[[actuators]]"), "{refused}");
 }
