@@ -18,7 +18,6 @@ struct pendulum {
     struct { double mass_kg, length_m, friction_nm_s_per_rad, initial_angle_rad; } p;
     double state[2], torque_nm;
 };
-
 static int retune(void *self, const double *row) {
     return memcpy(&((struct pendulum *)self)->p, row, sizeof(double[4])), HIL_OK;
 }
@@ -45,8 +44,7 @@ static void rates(const void *self, double time_s, const double *x, double *dx) 
 }
 static int advance(void *self, const hil_interval *interval, const double *row) {
     struct pendulum *q = self;
-    q->torque_nm = row[0];
-    return hil_integrate(q->state, 2, interval, rates, q);
+    return q->torque_nm = row[0], hil_integrate(q->state, 2, interval, rates, q);
 }
 int main(int argc, char **argv) {
     const hil_plant plant = {
