@@ -182,7 +182,7 @@ fn every_mistake_in_the_tables_is_named_before_anything_starts() {
         ("range", "`deed` has a range that begins above its end: 30 to 20"),
         ("default", "`deed` has the default 21, outside 0 to 20"),
         ("flags", "`deed` of `parameters` has unknown flags: 64"),
-        ("api", "`api` is 99, but this library supports 2"),
+        ("api", "`api` is 99, but this library supports 3"),
         ("utf-8", "the summary of the plant is not UTF-8"),
         ("saving", "`saved_size`, `save` and `restore` belong together"),
         ("text", "measured of plant `misbehaves`: `x_m` has no description"),
