@@ -1,15 +1,15 @@
 //! Margins of the running loop: `hil margins`.
 //!
-//! Every command has a [probe]. For each operating point:
+//! Every command has a `probe`. For each operating point:
 //!
 //! 1. A run without tones shows the motion that the loop has by itself.
-//! 2. For each command, a run with a multi-sine gives L = -(input / output) of its [probe] at coarse frequencies; further
-//!    runs add frequencies beside the crossings of the [locus] until each is enclosed.
+//! 2. For each command, a run with a multi-sine gives L = -(input / output) of its `probe` at coarse frequencies; further
+//!    runs add frequencies beside the crossings of the `locus` until each is enclosed.
 //! 3. Each run is repeated with half the amplitude, which shows if the response depends on the amplitude.
-//! 4. With several commands, the same runs give the margin of all loops [together].
+//! 4. With several commands, the same runs give the margin of all loops `together`.
 //!
-//! The motion of step 1 is subtracted. A margin that the response does not support is [refused](refusal) with a reason.
-//! Plants and laws that are built into `hil` run in this thread, other [programs](rig) in two processes.
+//! The motion of step 1 is subtracted. A margin that the response does not support is refused (`refusal`) with a reason.
+//! Plants and laws that are built into `hil` run in this thread, other programs in two processes (`rig`).
 
 use std::path::Path;
 
