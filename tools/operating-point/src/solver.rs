@@ -163,19 +163,23 @@ pub(crate) fn solve(
     Ok(solution(best, problem, evaluations))
 }
 
+/// Returns the size of a number: its value, or 1 where it is 0.
+pub(crate) fn size(value: f64) -> f64 {
+    match value.abs() > 1e-6 {
+        true => value.abs(),
+        false => 1.0,
+    }
+}
+
 /// Sizes of the equations and of the unknowns.
 struct Sizes {
     equations: Vec<f64>,
     unknowns: Vec<f64>,
 }
 
-/// Returns the sizes of unknowns, which are their values, or 1 where they are 0; and of equations, which are the largest
+/// Returns the [sizes](size) of the unknowns, and of the equations, which are the largest
 /// change of each while one state or input changes by its size. The rounding of the number itself is no residual.
 fn sizes(map: &LocalMap, problem: &Problem) -> Sizes {
-    let size = |value: f64| match value.abs() > 1e-6 {
-        true => value.abs(),
-        false => 1.0,
-    };
     let n = map.states.len();
     let all = map.states.iter().chain(&map.inputs);
     let all: Vec<f64> = all.map(|one| size(one.value)).collect();

@@ -26,7 +26,7 @@ use crate::model::LinearModel;
 use crate::modes::{self, Mode};
 use crate::point::Point;
 use crate::question::{Asker, Changed};
-use crate::solver::{Held, Place, Problem, Residual, Solution, solve};
+use crate::solver::{Held, Place, Problem, Residual, Solution, size, solve};
 
 /// Times at which the equations are evaluated again, as shares of the rest of the run.
 const LATER: [f64; 3] = [0.25, 0.5, 0.9];
@@ -101,18 +101,22 @@ pub fn trim(arguments: &TrimArguments) -> Result<Exit, Failure> {
     };
     let out = folder::of_run(arguments.out.as_deref(), &plan.name, "trim");
     let scratch = tempfile::tempdir().map_err(Failure::infrastructure)?;
-    let point = Point::reach(plan, &binaries, (at_s, &out, true), &interruption)?;
+    let is_new = !out.exists();
+    // The run is only the way to the point, and kept with its result alone.
+    let discard = || {
+        if is_new {
+            let _ = std::fs::remove_dir_all(&out);
+        }
+    };
+    let point = Point::reach(plan, &binaries, (at_s, &out, true), &interruption);
+    let point = point.inspect_err(|_| discard())?;
     let asker = Asker {
         point: &point,
         folder: scratch.path(),
         interruption: &interruption,
     };
     let result = trimmed(&asker, &problem, &inputs, scratch.path());
-    if result.is_err() {
-        // The run was only the way to the point.
-        let _ = std::fs::remove_dir_all(&out);
-    }
-    let result = result?;
+    let result = result.inspect_err(|_| discard())?;
     output::result(arguments.json, &result, || text(&result))?;
     Ok(Exit::Pass)
 }
@@ -159,6 +163,9 @@ fn problem(
         let value: f64 = (value.parse().ok())
             .filter(|value: &f64| value.is_finite())
             .ok_or_else(|| Failure::usage(format!("--hold {text}: {value} is not a number")))?;
+        if held.iter().any(|one: &Held| one.name == name) || inputs.get(&bare(name)).is_some() {
+            return Err(Failure::usage(format!("`{name}` is held twice")));
+        }
         match find(name) {
             Some(Place::Input(place)) => inputs.set(&plant.commands[place].name, value),
             Some(place) => held.push(Held {
@@ -174,8 +181,10 @@ fn problem(
     }
     let mut places = Vec::new();
     for name in free {
-        let place = place(&plant.commands, &bare(name))
-            .ok_or_else(|| unknown("--free", name, &plant.commands.iter().collect::<Vec<_>>()))?;
+        let Some(Place::Input(place)) = find(name) else {
+            let all: Vec<&Field> = plant.commands.iter().collect();
+            return Err(unknown("--free", name, &all));
+        };
         let name = &plant.commands[place].name;
         if inputs.get(name).is_some() {
             return Err(Failure::usage(format!(
@@ -310,12 +319,7 @@ fn later(asker: &Asker<'_>, states: &Settings, inputs: &Settings) -> Result<f64,
         };
         let map = asker.ask_plant(inputs, &changed)?;
         for (state, next) in map.states.iter().zip(&map.next) {
-            let size = if state.value.abs() > 1e-6 {
-                state.value.abs()
-            } else {
-                1.0
-            };
-            largest = larger(largest, (next - state.value).abs() / size);
+            largest = larger(largest, (next - state.value).abs() / size(state.value));
         }
     }
     Ok(largest)
