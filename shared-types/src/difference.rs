@@ -341,13 +341,13 @@ mod tests {
             (|x| x * x * x, 0.0, 0.0),
         ];
         for (map, x, expected) in cases {
-            let found = of(map, x).expect("a derivative");
-            let off = (found.values[0] - expected).abs();
+            let result = of(map, x).expect("a derivative");
+            let off = (result.values[0] - expected).abs();
             assert!(
-                off <= larger(found.errors[0], 1e-16),
-                "{x}: {off} {found:?}"
+                off <= larger(result.errors[0], 1e-16),
+                "{x}: {off} {result:?}"
             );
-            assert!(found.error < 1e-6, "{x}: {found:?}");
+            assert!(result.error < 1e-6, "{x}: {result:?}");
         }
     }
 
@@ -380,43 +380,43 @@ mod tests {
             let slope = if x > 0.0 { 3.0 } else { 2.5 };
             Ok(vec![slope * x, 5e-3 + 1e-15 * slope * x])
         };
-        let found = derivative(&mut map, 0.03, Kinks::Refused).expect("a derivative");
-        assert!((found.values[0] - 3.0).abs() < 1e-9, "{found:?}");
+        let result = derivative(&mut map, 0.03, Kinks::Refused).expect("a derivative");
+        assert!((result.values[0] - 3.0).abs() < 1e-9, "{result:?}");
         assert!(
-            (found.values[1] - 3e-15).abs() <= found.errors[1],
-            "{found:?}"
+            (result.values[1] - 3e-15).abs() <= result.errors[1],
+            "{result:?}"
         );
     }
 
     #[test]
     fn a_kink_that_hardly_matters_is_part_of_the_error() {
-        let found = of(|x| if x > 0.0 { 1.000_1 * x } else { x }, 0.0).expect("a derivative");
-        assert!((found.values[0] - 1.000_05).abs() < 1e-9, "{found:?}");
-        assert!((found.errors[0] - 5e-5).abs() < 1e-9, "{found:?}");
+        let result = of(|x| if x > 0.0 { 1.000_1 * x } else { x }, 0.0).expect("a derivative");
+        assert!((result.values[0] - 1.000_05).abs() < 1e-9, "{result:?}");
+        assert!((result.errors[0] - 5e-5).abs() < 1e-9, "{result:?}");
     }
 
     #[test]
     fn a_kink_beside_the_point_does_not_matter() {
-        let found = of(|x| (x - 1.001).abs() + x * x, 1.0).expect("a derivative");
-        assert!((found.values[0] - 1.0).abs() < 1e-9, "{found:?}");
+        let result = of(|x| (x - 1.001).abs() + x * x, 1.0).expect("a derivative");
+        assert!((result.values[0] - 1.0).abs() < 1e-9, "{result:?}");
     }
 
     #[test]
     fn outputs_that_do_not_depend_on_the_number_have_no_derivative_at_all() {
-        let found =
+        let result =
             derivative(&mut |_| Ok(vec![1.4e7, 0.0]), 2.0, Kinks::Refused).expect("a derivative");
-        assert_eq!((found.values, found.error), (vec![0.0, 0.0], 0.0));
+        assert_eq!((result.values, result.error), (vec![0.0, 0.0], 0.0));
     }
 
     #[test]
     fn a_number_far_below_its_own_scale_has_its_derivative() {
-        let found = derivative(
+        let result = derivative(
             &mut |x| Ok(vec![1.4e7 + 3e4 * x, x]),
             2.4e-17,
             Kinks::Refused,
         );
-        let found = found.expect("a derivative");
-        assert!((found.values[0] / 3e4 - 1.0).abs() < 1e-10, "{found:?}");
+        let result = result.expect("a derivative");
+        assert!((result.values[0] / 3e4 - 1.0).abs() < 1e-10, "{result:?}");
     }
 
     #[test]
@@ -429,9 +429,9 @@ mod tests {
             ])
         };
         for v in [1.26e-15, 6.3e-15, -3.1e-17, 7.7e-13] {
-            let found = derivative(&mut map, v, Kinks::Refused).expect("a derivative");
-            assert!((found.values[0] - 1e-3).abs() < 1e-12, "{v:e}: {found:?}");
-            assert!((found.values[1] - 0.998).abs() < 1e-9, "{v:e}: {found:?}");
+            let result = derivative(&mut map, v, Kinks::Refused).expect("a derivative");
+            assert!((result.values[0] - 1e-3).abs() < 1e-12, "{v:e}: {result:?}");
+            assert!((result.values[1] - 0.998).abs() < 1e-9, "{v:e}: {result:?}");
         }
     }
 
@@ -441,8 +441,8 @@ mod tests {
             true => Ok(vec![libm::log(x)]),
             false => Err("below 0".to_owned()),
         };
-        let found = derivative(&mut map, 0.5, Kinks::Refused).expect("a derivative");
-        assert!((found.values[0] - 2.0).abs() < 1e-9, "{found:?}");
+        let result = derivative(&mut map, 0.5, Kinks::Refused).expect("a derivative");
+        assert!((result.values[0] - 2.0).abs() < 1e-9, "{result:?}");
         let failed = derivative(&mut map, -1.0, Kinks::Refused).expect_err("outside");
         assert_eq!(failed, NoDerivative::Failed("below 0".into()));
     }

@@ -1,6 +1,6 @@
 // Derivatives of the discrete map of the hydraulic system, for `plant_maps.json` of this folder.
 //
-//     g++ -O2 -std=c++17 plant_maps.cpp -o /tmp/plant_maps && /tmp/plant_maps > plant_maps.json
+//     g++ -O2 -std=c++17 plant_maps.cpp -o plant_maps && ./plant_maps > plant_maps.json
 //
 // Written from the paper (numbers in brackets are its equations) and the model page; shares no line with the Rust code
 // and with drhas.py. Numbers have 64 bits of mantissa. One period is four steps of the classical Runge-Kutta method with

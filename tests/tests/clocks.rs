@@ -9,7 +9,7 @@ use serde_json::Value;
 use crate::support::harness::{EXPIRES_S, Rig, Run, send, text, until};
 use crate::support::mcap_reader::{Record, Recording};
 
-/// One second of the teaching plant at 200 Hz: 5 ms per step.
+/// Run of 1 s of the teaching plant at 200 Hz: 5 ms per step.
 pub(crate) const SCENARIO: &str = r#"
 schema = 1
 name = "clocks"

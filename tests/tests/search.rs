@@ -70,15 +70,15 @@ fn code(rig: &Rig, path: &Value) -> Option<i32> {
 fn the_papers_leakage_may_grow_by_nine_to_ten_percent_and_no_more() {
     let rig = Rig::new();
     let study = workspace().join("studies/leakage-margin.toml");
-    let found = search(&rig, "smallest", &study, "out").expect(0).json();
-    let [passes, fails] = ["passes", "fails"].map(|key| number(&found[key]));
+    let result = search(&rig, "smallest", &study, "out").expect(0).json();
+    let [passes, fails] = ["passes", "fails"].map(|key| number(&result[key]));
     // By nine runs of bisection by hand.
-    assert!(passes >= 1.093 && fails <= 1.102, "{found}");
-    assert!(fails - passes <= 0.01, "{found}");
-    assert_eq!(found["requirement"], "transient_force_fight");
-    assert!(number(&found["runs"]) <= 12.0, "{found}");
-    assert_eq!(code(&rig, &found["scenario"]), Some(1));
-    assert_eq!(code(&rig, &found["neighbour"]), Some(0));
+    assert!(passes >= 1.093 && fails <= 1.102, "{result}");
+    assert!(fails - passes <= 0.01, "{result}");
+    assert_eq!(result["requirement"], "transient_force_fight");
+    assert!(number(&result["runs"]) <= 12.0, "{result}");
+    assert_eq!(code(&rig, &result["scenario"]), Some(1));
+    assert_eq!(code(&rig, &result["neighbour"]), Some(0));
 }
 
 #[test]
@@ -90,11 +90,11 @@ fn one_bias_breaks_the_requirement_at_its_limit() {
         1.0,
         &format!("{ONE}[search]\ntolerance = 1e-6\n"),
     );
-    let found = search(&rig, "smallest", &study, "out").expect(0).json();
-    let [passes, fails] = ["passes", "fails"].map(|key| number(&found[key]));
-    assert!(passes < 0.01 && 0.01 <= fails, "{found}");
-    assert!(fails - passes <= 0.03 * 1e-6, "{found}");
-    assert!(number(&found["margin"]) <= 0.0 && number(&found["neighbour_margin"]) > 0.0);
+    let result = search(&rig, "smallest", &study, "out").expect(0).json();
+    let [passes, fails] = ["passes", "fails"].map(|key| number(&result[key]));
+    assert!(passes < 0.01 && 0.01 <= fails, "{result}");
+    assert!(fails - passes <= 0.03 * 1e-6, "{result}");
+    assert!(number(&result["margin"]) <= 0.0 && number(&result["neighbour_margin"]) > 0.0);
 }
 
 #[test]
@@ -103,46 +103,55 @@ fn a_nominal_value_inside_the_range_is_left_in_both_directions() {
     // From 4 mm the lower limit is 14 mm away, and the upper one 6 mm.
     let range = ONE.replace("min = 0.0", "min = -0.03\nnominal = 0.004");
     let both = study(&rig, TRUSTS, 1.0, &range);
-    let found = search(&rig, "smallest", &both, "up").expect(0).json();
-    assert!((number(&found["fails"]) - 0.01).abs() < 1e-3, "{found}");
+    let result = search(&rig, "smallest", &both, "up").expect(0).json();
+    assert!((number(&result["fails"]) - 0.01).abs() < 1e-3, "{result}");
     let range = range.replace("nominal = 0.004", "nominal = -0.004");
     let both = study(&rig, TRUSTS, 1.0, &range);
-    let found = search(&rig, "smallest", &both, "down").expect(0).json();
-    assert!((number(&found["fails"]) + 0.01).abs() < 1e-3, "{found}");
+    let result = search(&rig, "smallest", &both, "down").expect(0).json();
+    assert!((number(&result["fails"]) + 0.01).abs() < 1e-3, "{result}");
 }
 
 #[test]
 fn the_nearest_failing_point_of_two_biases_has_half_the_limit_in_each() {
     let rig = Rig::new();
     let study = study(&rig, TRUSTS, 1.0, TWO);
-    let found = search(&rig, "smallest", &study, "out").expect(0).json();
+    let result = search(&rig, "smallest", &study, "out").expect(0).json();
     // The nearest point of a + b = 0.01 to the origin, in units of the ranges.
     let expected = 0.005 / 0.02 * 2.0_f64.sqrt();
-    assert!((number(&found["fails"]) - expected).abs() < 0.01, "{found}");
-    assert!((number(&found["at"]["a"]) - 0.005).abs() < 5e-4, "{found}");
-    assert!((number(&found["at"]["b"]) - 0.005).abs() < 5e-4, "{found}");
-    assert_eq!(code(&rig, &found["scenario"]), Some(1));
-    assert_eq!(code(&rig, &found["neighbour"]), Some(0));
+    assert!(
+        (number(&result["fails"]) - expected).abs() < 0.01,
+        "{result}"
+    );
+    assert!(
+        (number(&result["at"]["a"]) - 0.005).abs() < 5e-4,
+        "{result}"
+    );
+    assert!(
+        (number(&result["at"]["b"]) - 0.005).abs() < 5e-4,
+        "{result}"
+    );
+    assert_eq!(code(&rig, &result["scenario"]), Some(1));
+    assert_eq!(code(&rig, &result["neighbour"]), Some(0));
 }
 
 #[test]
 fn the_worst_case_of_a_box_is_the_corner_with_both_biases() {
     let rig = Rig::new();
     let corner = study(&rig, TRUSTS, 1.0, TWO);
-    let found = search(&rig, "worst", &corner, "corner").expect(1).json();
+    let result = search(&rig, "worst", &corner, "corner").expect(1).json();
     assert_eq!(
-        (number(&found["at"]["a"]), number(&found["at"]["b"])),
+        (number(&result["at"]["a"]), number(&result["at"]["b"])),
         (0.02, 0.02)
     );
-    assert!((number(&found["margin"]) + 0.03).abs() < 1e-9, "{found}");
-    assert_eq!(code(&rig, &found["scenario"]), Some(1));
+    assert!((number(&result["margin"]) + 0.03).abs() < 1e-9, "{result}");
+    assert_eq!(code(&rig, &result["scenario"]), Some(1));
     // Inside of the box: the error is worst where the biases add up to 12 mm.
     let formula = "always(abs(measured.position_m - truth.position_m - 0.012) > -1)";
     let inside = study(&rig, formula, 1.0, TWO);
-    let found = search(&rig, "worst", &inside, "inside").expect(0).json();
-    let sum = number(&found["at"]["a"]) + number(&found["at"]["b"]);
-    assert!((sum - 0.012).abs() < 5e-4, "{found}");
-    assert!(number(&found["margin"]) - 1.0 < 5e-4, "{found}");
+    let result = search(&rig, "worst", &inside, "inside").expect(0).json();
+    let sum = number(&result["at"]["a"]) + number(&result["at"]["b"]);
+    assert!((sum - 0.012).abs() < 5e-4, "{result}");
+    assert!(number(&result["margin"]) - 1.0 < 5e-4, "{result}");
 }
 
 #[test]
@@ -180,10 +189,10 @@ fn an_expression_that_is_equal_at_both_ends_has_an_effect_between() {
                 [[vary]]\nkey = \"faults[0].effects[0].bias\"\nkind = \"expression\"\n\
                 expression = \"0.001 + 0.012 * max(0, 1 - abs(f - 2))\"\n";
     let study = study(&rig, TRUSTS, 1.0, peak);
-    let found = search(&rig, "worst", &study, "peak").expect(1).json();
+    let result = search(&rig, "worst", &study, "peak").expect(1).json();
     // The bias is largest at f = 2: 13 mm, of which 10 mm are allowed.
-    assert!((number(&found["at"]["f"]) - 2.0).abs() < 0.01, "{found}");
-    assert!((number(&found["margin"]) + 0.003).abs() < 1e-4, "{found}");
+    assert!((number(&result["at"]["f"]) - 2.0).abs() < 0.01, "{result}");
+    assert!((number(&result["margin"]) + 0.003).abs() < 1e-4, "{result}");
 }
 
 #[test]
@@ -257,11 +266,11 @@ fn a_case_without_a_verdict_ends_the_search_with_the_reason() {
         "limited-study.toml",
         &format!("schema = 1\nscenario = \"limited.toml\"\n{range}[search]\n"),
     );
-    let found = search(&rig, "smallest", &study, "out").expect(0).json();
-    let mut tried = found["tried"].as_array().expect("a list").iter();
-    assert!(tried.any(|one| one["class"] == "diverged"), "{found}");
-    assert_eq!(found["margin"], "-inf", "{found}");
-    assert_eq!(code(&rig, &found["scenario"]), Some(1));
+    let result = search(&rig, "smallest", &study, "out").expect(0).json();
+    let mut trials = result["tried"].as_array().expect("a list").iter();
+    assert!(trials.any(|one| one["class"] == "diverged"), "{result}");
+    assert_eq!(result["margin"], "-inf", "{result}");
+    assert_eq!(code(&rig, &result["scenario"]), Some(1));
 }
 
 #[test]

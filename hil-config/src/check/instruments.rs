@@ -387,7 +387,7 @@ fn cross(
     instrument.cross = shares.map(|(name, (_, share))| (name, share)).collect();
 }
 
-/// Reports keys that would give a signal with only a few values other ones.
+/// Reports keys that would change the values of an enumeration or a Boolean.
 fn refuse_others_on_items(reader: &mut Reader, section: &Section<'_>, table: &str, field: &Field) {
     if !field.is_discrete {
         return;

@@ -85,7 +85,7 @@ pub(super) fn teaching(hz: f64) -> Complex {
     plant * law
 }
 
-/// One channel of `crossed.c` behind a hold: `(1 - T s) / (1 + tau s)^2` with T = 0.05 s and tau = 0.1 s.
+/// Channel of `crossed.c` behind a hold: `(1 - T s) / (1 + tau s)^2` with T = 0.05 s and tau = 0.1 s.
 pub(super) fn channel(hz: f64) -> Complex {
     let (zero, h) = (0.5, PERIOD_S / 0.1);
     let e = libm::exp(-h);

@@ -1,6 +1,6 @@
 //! The far end of a port as the plant of a run: hardware, or a program that nobody here wrote.
 //!
-//! One step:
+//! Order within a step:
 //!
 //! 1. [`RigModel`](model::RigModel) takes all frames that have arrived and gives the newest valid values to the engine;
 //!    those that are older than `stale_s` are invalid.
