@@ -1,0 +1,14 @@
+//! Native part of the Python package `hil`, loaded as `hil._native`.
+
+use pyo3::pymodule;
+
+/// Native part of the package `hil`.
+#[pymodule]
+mod _native {
+    use pyo3::prelude::*;
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
+}
