@@ -255,7 +255,7 @@ class Package(unittest.TestCase):
             hil.Session
 
     def test_values_are_written_as_toml(self):
-        from hil.launch import toml
+        from hil.values import toml
 
         for value, text in [
             (True, "true"),

@@ -6,8 +6,8 @@
     run.verdict, run.digest
     run["truth.surface_angle_rad"].max()
 
-`run` starts the program `hil`; `open` reads a run that was recorded earlier. Nothing is imported before it is used,
-so that `import hil` costs a script nothing.
+`run` starts the program `hil`; `open` reads a run that was recorded earlier; `Session` executes a run step by step in
+this process. Nothing is imported before it is used, so that `import hil` costs a script nothing.
 """
 
 # Type checkers know this name, and `typing` would take longer to import than this package.
@@ -19,15 +19,21 @@ if TYPE_CHECKING:
     from .errors import Error as Error
     from .errors import InfrastructureError as InfrastructureError
     from .errors import Interrupted as Interrupted
+    from .errors import NativeError as NativeError
     from .errors import ProgramError as ProgramError
     from .errors import RecordingError as RecordingError
+    from .errors import SessionError as SessionError
     from .errors import UnknownSignal as UnknownSignal
     from .errors import UsageError as UsageError
     from .launch import run as run
-    from .result import Metric as Metric
     from .result import Run as Run
-    from .result import Verdict as Verdict
     from .result import open as open
+    from .session import Observation as Observation
+    from .session import Saved as Saved
+    from .session import Session as Session
+    from .session import SessionResult as SessionResult
+    from .verdict import Metric as Metric
+    from .verdict import Verdict as Verdict
 
 _MODULES = {
     "Signal": "array",
@@ -35,15 +41,21 @@ _MODULES = {
     "Error": "errors",
     "InfrastructureError": "errors",
     "Interrupted": "errors",
+    "NativeError": "errors",
     "ProgramError": "errors",
     "RecordingError": "errors",
+    "SessionError": "errors",
     "UnknownSignal": "errors",
     "UsageError": "errors",
     "run": "launch",
-    "Metric": "result",
     "Run": "result",
-    "Verdict": "result",
     "open": "result",
+    "Observation": "session",
+    "Saved": "session",
+    "Session": "session",
+    "SessionResult": "session",
+    "Metric": "verdict",
+    "Verdict": "verdict",
 }
 
 __all__ = [
@@ -52,9 +64,15 @@ __all__ = [
     "InfrastructureError",
     "Interrupted",
     "Metric",
+    "NativeError",
+    "Observation",
     "ProgramError",
     "RecordingError",
     "Run",
+    "Saved",
+    "Session",
+    "SessionError",
+    "SessionResult",
     "Signal",
     "UnknownSignal",
     "UsageError",

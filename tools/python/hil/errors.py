@@ -6,8 +6,10 @@
     |   +-- InfrastructureError  exit code 3: a process died, a wait timed out, a disk is full
     |   +-- Interrupted          exit code 130: another process interrupted `hil`
     +-- ProgramError             the program `hil` is missing or cannot be started
+    +-- NativeError              the native part of this package is missing or cannot be loaded; also an ImportError
+    +-- SessionError             a session cannot be used like this: closed, over, in another thread, after a fork
     +-- RecordingError           a file is not a recording of a run, or a damaged one
-    +-- UnknownSignal            a run has no signal of that name; also a KeyError
+    +-- UnknownSignal            a run or session has no signal of that name; also a KeyError
 
 A failed requirement is a result and no exception.
 """
@@ -68,19 +70,27 @@ class ProgramError(Error):
     """The program `hil` is missing or cannot be started."""
 
 
+class NativeError(Error, ImportError):
+    """The native part of this package is missing, or this Python cannot load it."""
+
+
+class SessionError(Error):
+    """A session cannot be used like this: it is closed or over, or belongs to another thread or process."""
+
+
 class RecordingError(Error):
     """A file is not a recording of a run, or a damaged one."""
 
 
 class UnknownSignal(Error, KeyError):
-    """A run has no signal of that name; `nearest` has similar names."""
+    """A run or session has no signal of that name; `nearest` has similar names."""
 
-    def __init__(self, name: str, place: str, names: Iterable[str], note: str = "") -> None:
+    def __init__(self, name: str, place: str, names: Iterable[str], note: str = "", owner: str = "run") -> None:
         from difflib import get_close_matches
 
         self.name = name
         self.nearest: List[str] = get_close_matches(name, list(names))
-        hint = f"nearest: {', '.join(self.nearest)}" if self.nearest else "`run.signals` has all names"
+        hint = f"nearest: {', '.join(self.nearest)}" if self.nearest else f"`{owner}.signals` has all names"
         self._text = f"{place} has no signal `{name}`; {hint}{note}"
         super().__init__(self._text)
 

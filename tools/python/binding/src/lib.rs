@@ -1,4 +1,20 @@
 //! Native part of the Python package `hil`, loaded as `hil._native`.
+//!
+//! 1. [`scenario`] reads and checks a scenario as the command line does.
+//! 2. [`session`] holds its run in this process and executes it step by step; [`observer`] copies values of the newest
+//!    step into memory of Python, and [`saved`] is the state before a step.
+//! 3. [`request`] turns the words of `hil inject` into the request of a session.
+//!
+//! [`bound`] keeps what is not made for several threads in the thread that made it, and [`failure`] turns the failures
+//! of `hil` into the exceptions of `hil.errors`. Installs no signal handler, and starts neither thread nor process.
+
+mod bound;
+mod failure;
+mod observer;
+mod request;
+mod saved;
+mod scenario;
+mod session;
 
 use pyo3::pymodule;
 
@@ -6,6 +22,15 @@ use pyo3::pymodule;
 #[pymodule]
 mod _native {
     use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::observer::Observer;
+    #[pymodule_export]
+    use crate::request::fault_request;
+    #[pymodule_export]
+    use crate::saved::Saved;
+    #[pymodule_export]
+    use crate::session::{Session, open_session};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
