@@ -8,6 +8,8 @@
     +-- ProgramError             the program `hil` is missing or cannot be started
     +-- RecordingError           a file is not a recording of a run, or a damaged one
     +-- UnknownSignal            a run has no signal of that name; also a KeyError
+    +-- DeclarationError         a class is no sound plant or law; also a TypeError
+    +-- Diverged                 raised by a plant or a law whose equations have left their range
 
 A failed requirement is a result and no exception.
 """
@@ -89,6 +91,14 @@ class UnknownSignal(Error, KeyError):
 
     def __reduce__(self) -> Any:
         return (_restore, (type(self), self.name, self.nearest, self._text))
+
+
+class DeclarationError(Error, TypeError):
+    """A class is no sound plant or law."""
+
+
+class Diverged(Error):
+    """Raised by a plant or a law: the run ends as diverged, with this reason."""
 
 
 def _restore(kind: type[UnknownSignal], name: str, nearest: List[str], text: str) -> UnknownSignal:
