@@ -5,11 +5,12 @@
     |   +-- UsageError           exit code 2: wrong usage or configuration, nothing was started
     |   +-- InfrastructureError  exit code 3: a process died, a wait timed out, a disk is full
     |   +-- Interrupted          exit code 130: another process interrupted `hil`
-    +-- ProgramError             the program `hil` is missing or cannot be started
-    +-- NativeError              the native part of this package is missing or cannot be loaded; also an ImportError
+    +-- ProgramError             the program `hil`, or the native part of this package, is missing or cannot be started
     +-- SessionError             a session cannot be used like this: closed, over, in another thread, after a fork
     +-- RecordingError           a file is not a recording of a run, or a damaged one
     +-- UnknownSignal            a run or session has no signal of that name; also a KeyError
+    +-- DeclarationError         a class is no sound plant or law; also a TypeError
+    +-- Diverged                 raised by a plant or a law whose equations have left their range
 
 A failed requirement is a result and no exception.
 """
@@ -67,11 +68,7 @@ class Interrupted(CommandError):
 
 
 class ProgramError(Error):
-    """The program `hil` is missing or cannot be started."""
-
-
-class NativeError(Error, ImportError):
-    """The native part of this package is missing, or this Python cannot load it."""
+    """The program `hil`, or the native part of this package, is missing or cannot be started."""
 
 
 class SessionError(Error):
@@ -99,6 +96,14 @@ class UnknownSignal(Error, KeyError):
 
     def __reduce__(self) -> Any:
         return (_restore, (type(self), self.name, self.nearest, self._text))
+
+
+class DeclarationError(Error, TypeError):
+    """A class is no sound plant or law."""
+
+
+class Diverged(Error):
+    """Raised by a plant or a law: the run ends as diverged, with this reason."""
 
 
 def _restore(kind: type[UnknownSignal], name: str, nearest: List[str], text: str) -> UnknownSignal:

@@ -1,65 +1,67 @@
-"""The native part of this package, loaded at its first use.
+"""The native part of the package, `hil._native`.
 
-A wheel carries it as `hil/_native.abi3.so`. In a clone it lies beside the program `hil`, as `libhil_python.so`.
+A wheel carries it in this package; in a clone it is the library beside the program `hil`.
 """
 
 from __future__ import annotations
 
 import os
 import sys
-from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Optional
+from typing import Any
 
-from .errors import NativeError, ProgramError
-from .programs import find
-
-if TYPE_CHECKING:
-    from types import ModuleType
+from .errors import ProgramError
 
 NAME = "hil._native"
-PACKAGED = "_native.abi3.so"
-BUILT = "libhil_python.so"
+#: File that a build of the clone leaves beside the programs.
+LIBRARY = "libhil_python.so"
 
 
-@lru_cache(maxsize=None)
-def load() -> Any:
-    """Returns the module; raises `NativeError` where it is missing or cannot be loaded."""
-    path = locate()
-    if path is None:
-        raise NativeError(
-            f"this package has no {PACKAGED}, and there is no {BUILT} beside the program `hil`; "
-            "install the wheel that tools/python/build makes, or run `cargo build --release` in the clone"
-        )
-    from importlib.machinery import ExtensionFileLoader
-    from importlib.util import module_from_spec, spec_from_loader
+def native() -> Any:
+    """Returns the native module.
 
-    spec = spec_from_loader(NAME, ExtensionFileLoader(NAME, path), origin=path)
-    assert spec is not None and spec.loader is not None
+    Raises `ProgramError` if it is missing, or was built for another system.
+    """
+    from importlib import import_module
+
+    if NAME in sys.modules:
+        return sys.modules[NAME]
     try:
-        module: ModuleType = module_from_spec(spec)
-        spec.loader.exec_module(module)
+        return import_module(NAME)
+    except ModuleNotFoundError as error:
+        if error.name != NAME:
+            raise
     except ImportError as error:
-        raise NativeError(_reason(path, error)) from error
+        raise _unusable(str(error)) from error
+    return _beside_programs()
+
+
+def _beside_programs() -> Any:
+    from importlib.machinery import ExtensionFileLoader
+    from importlib.util import module_from_spec, spec_from_file_location
+
+    from .programs import find
+
+    path = os.path.join(os.path.dirname(os.path.realpath(find())), LIBRARY)
+    if not os.path.isfile(path):
+        raise ProgramError(
+            f"the native part of this package is missing, and {path} does not exist; install the wheel that "
+            "tools/python/build makes, or build the clone with `cargo build --release`"
+        )
+    loader = ExtensionFileLoader(NAME, path)
+    spec = spec_from_file_location(NAME, path, loader=loader)
+    if spec is None:
+        raise ProgramError(f"{path} is no extension module")
+    try:
+        module = module_from_spec(spec)
+        loader.exec_module(module)
+    except ImportError as error:
+        raise _unusable(str(error)) from error
     sys.modules[NAME] = module
     return module
 
 
-def locate() -> Optional[str]:
-    """Returns the path of the module; `None` if there is none."""
-    packaged = os.path.join(os.path.dirname(os.path.abspath(__file__)), PACKAGED)
-    if os.path.exists(packaged):
-        return packaged
-    try:
-        folder = os.path.dirname(os.path.realpath(find()))
-    except ProgramError:
-        return None
-    built = os.path.join(folder, BUILT)
-    return built if os.path.exists(built) else None
-
-
-def _reason(path: str, error: ImportError) -> str:
-    """Describes a module that this Python cannot load."""
-    version = ".".join(map(str, sys.version_info[:3]))
-    python = f"{sys.implementation.name} {version}"
-    needs = "it needs CPython 3.9 or newer with the global interpreter lock, on Linux with glibc"
-    return f"{path} cannot be loaded by this Python ({python}): {error}; {needs}"
+def _unusable(reason: str) -> ProgramError:
+    return ProgramError(
+        f"the native part of this package cannot be loaded: {reason}; the wheel needs Linux with glibc and CPython 3.9 "
+        "or later"
+    )

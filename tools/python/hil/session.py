@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, Union
 
 from .errors import SessionError, UnknownSignal, UsageError
-from .native import load
+from .native import native
 from .values import toml
 from .verdict import Metric, Verdict
 
@@ -115,7 +115,7 @@ class Session:
     def __init__(self, scenario: Location, *, set: Optional[Mapping[str, object]] = None) -> None:
         flags = [f"{key}={toml(value)}" for key, value in (set or {}).items()]
         path = os.fspath(scenario)
-        native = load().open_session(path, flags)
+        native = native().open_session(path, flags)
         if native is None:
             raise SessionError(f"{path} names a program; a session runs only what is built into hil")
         self._native: Any = native
@@ -238,7 +238,7 @@ class Session:
             line.append(f"--{name}={_word(value)}")
         if self._possible is None:
             self._possible = json.dumps(self._ask({"request": "possible"}))
-        answer = self._ask(json.loads(load().fault_request(line, self._possible)))
+        answer = self._ask(json.loads(native().fault_request(line, self._possible)))
         return tuple(
             Fault(fault["id"], fault["kind"], fault["effective_step"], fault["waits_for"]) for fault in answer["faults"]
         )

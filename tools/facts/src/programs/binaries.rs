@@ -35,6 +35,7 @@ mod file;
 pub mod host;
 mod local_map;
 pub mod named;
+mod python;
 pub mod reached;
 pub mod seal;
 pub mod trusted;

@@ -4,9 +4,11 @@
 //! 2. [`session`] holds its run in this process and executes it step by step; [`observer`] copies values of the newest
 //!    step into memory of Python, and [`saved`] is the state before a step.
 //! 3. [`request`] turns the words of `hil inject` into the request of a session.
+//! 4. [`side`] makes plants and laws of Python classes, and is the process of such a side.
 //!
 //! [`bound`] keeps what is not made for several threads in the thread that made it, and [`failure`] turns the failures
-//! of `hil` into the exceptions of `hil.errors`. Installs no signal handler, and starts neither thread nor process.
+//! of `hil` into the exceptions of `hil.errors`. A session installs no signal handler, and starts neither thread nor
+//! process.
 
 mod bound;
 mod failure;
@@ -15,6 +17,7 @@ mod request;
 mod saved;
 mod scenario;
 mod session;
+mod side;
 
 use pyo3::pymodule;
 
@@ -34,6 +37,7 @@ mod _native {
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
-        module.add("__version__", env!("CARGO_PKG_VERSION"))
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        crate::side::register(module)
     }
 }
