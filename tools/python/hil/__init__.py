@@ -6,9 +6,9 @@
     run.verdict, run.digest
     run["truth.surface_angle_rad"].max()
 
-`run` starts the program `hil`; `open` reads a run that was recorded earlier; `Session` executes a run step by step in
-this process. `plant` and `law` make plants and laws of classes. Nothing is imported before it is used, so that
-`import hil` costs a script nothing.
+`run` starts the program `hil`; `open` reads a run that was recorded earlier; `Session` executes a run step by step, and
+`evaluate` runs a scenario at many points. `plant` and `law` make plants and laws of classes. Nothing is imported
+before it is used, so that `import hil` costs a script nothing.
 """
 
 # Type checkers know this name, and `typing` would take longer to import than this package.
@@ -35,6 +35,8 @@ if TYPE_CHECKING:
     from .errors import SessionError as SessionError
     from .errors import UnknownSignal as UnknownSignal
     from .errors import UsageError as UsageError
+    from .evaluation import Evaluation as Evaluation
+    from .evaluation import evaluate as evaluate
     from .launch import run as run
     from .result import Run as Run
     from .result import open as open
@@ -59,6 +61,8 @@ _MODULES = {
     "SessionError": "errors",
     "UnknownSignal": "errors",
     "UsageError": "errors",
+    "Evaluation": "evaluation",
+    "evaluate": "evaluation",
     "run": "launch",
     "Interval": "arguments",
     "Sample": "arguments",
@@ -86,6 +90,7 @@ __all__ = [
     "DeclarationError",
     "Diverged",
     "Error",
+    "Evaluation",
     "InfrastructureError",
     "Interrupted",
     "Interval",
@@ -104,6 +109,7 @@ __all__ = [
     "UnknownSignal",
     "UsageError",
     "Verdict",
+    "evaluate",
     "law",
     "main",
     "math",

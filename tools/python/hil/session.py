@@ -1,6 +1,6 @@
 """A session: a run that stands still until Python asks for its next steps.
 
-Plant and law that are built into `hil` run in this process. Where the scenario names a program, `remote` runs both
+Plant and law that are built into `hil`, or classes, run in this process. Where the scenario names a program, `remote` runs both
 sides in processes of their own; the interface is the same.
 """
 
@@ -107,22 +107,34 @@ class Session:
             session.step_to(2.5)
             session["truth.position_m"], session.result().verdicts
 
-    `set` changes values of the scenario, as for `run`. Faults, changes, checks and the digest are those of the command
+    `set` changes values of the scenario, as for `run`; `plant` and `law` are classes marked with `hil.plant` and
+    `hil.law` in place of built-in ones, and of programs that the scenario names. Faults, changes, checks and the digest are those of the command
     line, and `scenario()` is the file that repeats the session there. Nothing is recorded. A session belongs to the
     thread that opened it.
     """
 
-    def __init__(self, scenario: Location, *, set: Optional[Mapping[str, object]] = None) -> None:
+    def __init__(
+        self,
+        scenario: Location,
+        *,
+        set: Optional[Mapping[str, object]] = None,
+        plant: Optional[type] = None,
+        law: Optional[type] = None,
+    ) -> None:
         flags = [f"{key}={toml(value)}" for key, value in (set or {}).items()]
         path = os.fspath(scenario)
-        native = native().open_session(path, flags)
-        if native is None:
-            raise SessionError(f"{path} names a program; a session runs only what is built into hil")
-        self._native: Any = native
+        session = native().open_session(path, flags, plant, law)
+        if session is None:
+            if plant is not None or law is not None:
+                raise SessionError(f"{path} names a program for the other side; give a class for both sides, or for none")
+            from .remote import RemoteSession
+
+            session = RemoteSession(path, flags)
+        self._native: Any = session
         self._path = path
         # Bound once: they are called at every step.
-        self._step = native.step
-        self._value = native.value
+        self._step = session.step
+        self._value = session.value
         self._possible: Optional[str] = None
 
     def __enter__(self) -> Session:

@@ -7,7 +7,7 @@ use hil_console::terminal::exit::Failure;
 use hil_run::stepped::{Place, SteppedRun};
 use hil_session::clock::monotonic_ns;
 use hil_verification::repetition::Interventions;
-use pyo3::exceptions::PyOverflowError;
+use pyo3::exceptions::{PyKeyboardInterrupt, PyOverflowError};
 use pyo3::prelude::*;
 use shared_types::live::Request;
 use shared_types::record::ValueChange;
@@ -17,7 +17,7 @@ use crate::bound::{Along, Bound as ThreadBound};
 use crate::failure::{raised, session_error};
 use crate::observer::Observer;
 use crate::saved::Saved;
-use crate::scenario;
+use crate::{class, scenario, side};
 
 /// Interval between two looks for signals, such as Ctrl-C, while steps are executed.
 const BETWEEN_SIGNALS: Duration = Duration::from_millis(20);
@@ -26,38 +26,70 @@ const BETWEEN_SIGNALS: Duration = Duration::from_millis(20);
 #[pyclass(frozen, module = "hil._native")]
 pub(crate) struct Session {
     run: ThreadBound<SteppedRun>,
+    /// `true` if plant or law is a class, whose exceptions are Python's.
+    has_classes: bool,
 }
 
-/// Opens a session of a scenario with `KEY=VALUE` flags; returns `None` if it needs a program.
+/// Opens a session of a scenario with `KEY=VALUE` flags, and with classes for its plant and its law; returns `None` if
+/// it needs a program.
 #[pyfunction]
-pub(crate) fn open_session(path: PathBuf, flags: Vec<String>) -> PyResult<Option<Session>> {
-    let Some((plan, described)) = scenario::read(path, &flags)? else {
+#[pyo3(signature = (path, flags, plant = None, law = None))]
+pub(crate) fn open_session(
+    path: PathBuf,
+    flags: Vec<String>,
+    plant: Option<&Bound<'_, PyAny>>,
+    law: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Option<Session>> {
+    let classes = (
+        plant.map(class::plant).transpose()?,
+        law.map(class::law).transpose()?,
+    );
+    let Some(checked) = scenario::read(path, &flags, classes)? else {
         return Ok(None);
     };
-    let run = SteppedRun::new(plan, described, None).map_err(|failure| raised(&failure))?;
+    let has_classes = checked.kinds.is_some();
+    let run = SteppedRun::new(checked.plan, checked.described, checked.kinds);
     Ok(Some(Session {
-        run: ThreadBound::new(run),
+        run: ThreadBound::new(run.map_err(|failure| raised(&failure))?),
+        has_classes,
     }))
-}
-
-/// Executes steps up to `target` without the interpreter, and looks for signals now and then.
-fn advance(py: Python<'_>, run: &mut SteppedRun, target: Step) -> PyResult<()> {
-    loop {
-        let until_ns = monotonic_ns().saturating_add(BETWEEN_SIGNALS.as_nanos() as u64);
-        let mut along = Along(&mut *run);
-        let advanced = py.detach(move || along.get().advance_to(target, until_ns));
-        if advanced.map_err(|failure| raised(&failure))? {
-            return Ok(());
-        }
-        if let Err(interrupt) = py.check_signals() {
-            run.hold().map_err(|failure| raised(&failure))?;
-            return Err(interrupt);
-        }
-    }
 }
 
 fn json(value: &impl serde::Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| raised(&Failure::infrastructure(error)))
+}
+
+impl Session {
+    /// Executes steps up to `target` without the interpreter, and looks for signals now and then.
+    fn advance(&self, py: Python<'_>, run: &mut SteppedRun, target: Step) -> PyResult<()> {
+        loop {
+            let until_ns = monotonic_ns().saturating_add(BETWEEN_SIGNALS.as_nanos() as u64);
+            let mut along = Along(&mut *run);
+            let advanced = py.detach(move || along.get().advance_to(target, until_ns));
+            if advanced.map_err(|failure| self.raised(py, &failure))? {
+                return Ok(());
+            }
+            if let Err(interrupt) = py.check_signals() {
+                run.hold().map_err(|failure| raised(&failure))?;
+                return Err(interrupt);
+            }
+        }
+    }
+
+    /// Creates the exception of a run that failed; its cause is that of a class, and Ctrl-C stays Ctrl-C.
+    #[cold]
+    fn raised(&self, py: Python<'_>, failure: &Failure) -> PyErr {
+        let error = raised(failure);
+        let cause = self.has_classes.then(side::take_exception).flatten();
+        match cause {
+            Some(interrupt) if interrupt.is_instance_of::<PyKeyboardInterrupt>(py) => interrupt,
+            Some(cause) => {
+                error.set_cause(py, Some(cause));
+                error
+            }
+            None => error,
+        }
+    }
 }
 
 #[pymethods]
@@ -73,7 +105,7 @@ impl Session {
             )));
         }
         let target = Step(run.step().0.saturating_add(steps));
-        advance(py, &mut run, target)
+        self.advance(py, &mut run, target)
     }
 
     /// Executes all steps before the first one at or after a simulated time.
@@ -93,7 +125,7 @@ impl Session {
                 "{time_s} s is past, because the next step is {step} ({now_s} s); restore() goes back"
             )));
         }
-        advance(py, &mut run, target)
+        self.advance(py, &mut run, target)
     }
 
     /// Answers a request of a session, both as JSON.

@@ -29,10 +29,6 @@ pub(super) fn note_fork() {
 }
 
 /// Returns the exception of the last failure, once.
-#[cfg_attr(
-    not(test),
-    expect(dead_code, reason = "for callers in the same process")
-)]
 pub(crate) fn take_exception() -> Option<PyErr> {
     LAST.lock().unwrap_or_else(PoisonError::into_inner).take()
 }

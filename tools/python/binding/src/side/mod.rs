@@ -21,10 +21,6 @@ mod tables;
 
 use pyo3::prelude::*;
 
-#[expect(
-    unused_imports,
-    reason = "for callers that run sides in their own process"
-)]
 pub(crate) use failure::take_exception;
 pub(crate) use law::law_kind;
 pub(crate) use plant::plant_kind;
