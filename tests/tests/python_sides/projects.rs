@@ -91,7 +91,7 @@ fn a_campaign_runs_sides_in_python_from_its_own_copies() {
             .hil(&["campaign", "show", &folder, "--json"])
             .expect(0)
             .json();
-        figures.push(shown["metrics"].clone());
+        figures.push(shown["variants"].clone());
         rig.write("side.py", &shipped(SPRING_MASS));
     }
     assert!(!figures[0].is_null());
