@@ -1,9 +1,10 @@
-from typing import Generic, List, Optional, TypeVar
+from typing import Generic, List, TypeVar, overload
 
 _Measured = TypeVar("_Measured")
 _Reference = TypeVar("_Reference")
 _Parameters = TypeVar("_Parameters")
 _Model = TypeVar("_Model")
+_Own = TypeVar("_Own")
 
 class Interval:
     """Interval over which a plant is integrated."""
@@ -25,7 +26,10 @@ class Interval:
 class Setup(Generic[_Parameters, _Model]):
     """Configuration of a law: `Setup[Parameters, None]` for a law without a model of the plant."""
 
-    def __init__(self, parameters: _Parameters, period_s: float, model: _Model = ...) -> None: ...
+    @overload
+    def __init__(self: Setup[_Own, None], parameters: _Own, period_s: float) -> None: ...
+    @overload
+    def __init__(self, parameters: _Parameters, period_s: float, model: _Model) -> None: ...
     @property
     def parameters(self) -> _Parameters:
         """Parameters of the law."""
@@ -39,11 +43,21 @@ class Setup(Generic[_Parameters, _Model]):
 class Sample(Generic[_Measured, _Reference]):
     """Sample that a law answers: `Sample[Measured, None]` for a law without reference signals."""
 
+    @overload
+    def __init__(
+        self: Sample[_Own, None],
+        time_s: float,
+        measured: _Own,
+        *,
+        valid: bool = True,
+        held_steps: int = 0,
+    ) -> None: ...
+    @overload
     def __init__(
         self,
         time_s: float,
         measured: _Measured,
-        reference: _Reference = ...,
+        reference: _Reference,
         valid: bool = True,
         held_steps: int = 0,
     ) -> None: ...

@@ -20,6 +20,8 @@ def describe(error: BaseException) -> Tuple[str, str]:
     message = _message(error)
     # A refusal says what is wrong; the kind of any other exception is part of its reason.
     line = message if isinstance(error, ValueError) and message else f"{type(error).__name__}: {message}".rstrip(": ")
+    if isinstance(error, SyntaxError):
+        return line, text(error)
     if foreign is None:
         return message or line, ""
     frame = extract_tb(foreign)[-1]

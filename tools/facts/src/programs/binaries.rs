@@ -270,6 +270,17 @@ impl Binary {
         host.map_or_else(Permissions::default, |host| host.permissions)
     }
 
+    /// Returns the modules beside a Python file that it imports, as files with their places relative to its folder.
+    ///
+    /// # Errors
+    /// If a folder of a module cannot be read.
+    pub fn modules_beside(&self) -> Result<Vec<(PathBuf, PathBuf)>, Failure> {
+        let imported = self.description.imported.as_ref();
+        let modules = imported.map_or(&[][..], |imported| &imported.modules);
+        let names = modules.iter().map(|module| &*module.name);
+        python::modules_beside(&self.path, names).map_err(Failure::usage)
+    }
+
     /// Returns `true` if equal runs of the binary give equal records: `false` for a port whose file says otherwise.
     pub fn is_repeatable(&self) -> bool {
         self.host.as_ref().is_none_or(|host| host.is_repeatable)

@@ -298,6 +298,7 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
             version,
             blake3,
         } = module;
+        let version = if version.is_empty() { "-" } else { version };
         writeln!(text, "  {name} {version} {blake3}")?;
     }
     match &imported.library {

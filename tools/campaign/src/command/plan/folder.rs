@@ -13,7 +13,7 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
 use hil_facts::programs::binaries::trusted;
-use hil_facts::programs::binaries::{Binary, beside};
+use hil_facts::programs::binaries::{Binaries, Binary, beside};
 
 use crate::folder::{CONFLICTS, SHARDS, try_out};
 use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
@@ -155,13 +155,19 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     let program = |side: &str, binary: &Binary| {
         let host = binary.host.as_ref();
-        // An FMU is recognised by its content.
-        let ending = match host.is_some_and(|host| host.kind == ModelKind::Python) {
-            true => ".py",
-            false => "",
+        // An FMU is recognised by its content, a Python file by its name; its modules lie beside it.
+        let place = match host.is_some_and(|host| host.kind == ModelKind::Python) {
+            true => format!("{PROGRAMS}/of_{side}/{side}.py"),
+            false => format!("{PROGRAMS}/{side}"),
         };
-        copy(&binary.path, format!("{PROGRAMS}/{side}{ending}")).map(Some)
+        copy(&binary.path, place).map(Some)
     };
+    for (side, binary) in cases.binaries().into_iter().flat_map(sides_of) {
+        for (file, place) in binary.modules_beside()? {
+            let copied = copy(&file, format!("{PROGRAMS}/of_{side}/{}", place.display()))?;
+            tables.insert(file.to_string_lossy().into_owned(), copied);
+        }
+    }
     let (plant, controller) = match cases.binaries() {
         None => (None, None),
         Some(binaries) => (
@@ -212,6 +218,14 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         curves: checked.curves.clone(),
         case_s: checked.facts.case_s,
     })
+}
+
+/// Returns both programs with the names of their sides.
+fn sides_of(binaries: &Binaries) -> [(&'static str, &Binary); 2] {
+    [
+        (PLANT.side, &binaries.plant),
+        (CONTROLLER.side, &binaries.controller),
+    ]
 }
 
 /// Copies files that lie beside another one into a folder; returns the copies by the paths of the files.

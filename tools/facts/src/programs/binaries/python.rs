@@ -7,6 +7,7 @@
 use std::env::{current_exe, split_paths, var_os};
 use std::ffi::OsString;
 use std::fs;
+use std::io;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +21,8 @@ const NAME: &str = "python3";
 const ENDING: &str = "py";
 /// File of the package that runs a side.
 const HOST: &str = "hil/side.py";
+/// Folder in which Python keeps what it compiled.
+const COMPILED: &str = "__pycache__";
 /// Name of the package.
 const PACKAGE: &str = "hil";
 /// Native part that a build of the clone leaves beside the programs.
@@ -83,6 +86,42 @@ pub(super) fn first_arguments() -> Result<Vec<OsString>, String> {
     let own = own.map_err(|error| error.to_string())?;
     let folder = package_of(&own).unwrap_or_default();
     Ok(["-c".into(), START.into(), folder.into(), own.into()].into())
+}
+
+/// Returns the files beside a Python file that modules of these names consist of, with their places relative to its
+/// folder.
+///
+/// # Errors
+/// If a folder cannot be read.
+pub(super) fn modules_beside<'a>(
+    path: &Path,
+    names: impl Iterator<Item = &'a str>,
+) -> io::Result<Vec<(PathBuf, PathBuf)>> {
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut files = Vec::new();
+    for name in names {
+        let file = Path::new(name).with_extension(ENDING);
+        if folder.join(&file).is_file() {
+            files.push((folder.join(&file), file));
+        } else if folder.join(name).is_dir() {
+            append_files(folder, Path::new(name), &mut files)?;
+        }
+    }
+    Ok(files)
+}
+
+/// Appends all files in a folder and below, but for compiled ones.
+fn append_files(root: &Path, folder: &Path, files: &mut Vec<(PathBuf, PathBuf)>) -> io::Result<()> {
+    for entry in fs::read_dir(root.join(folder))? {
+        let (entry, kind) = entry.and_then(|entry| entry.file_type().map(|kind| (entry, kind)))?;
+        let place = folder.join(entry.file_name());
+        if kind.is_file() {
+            files.push((root.join(&place), place));
+        } else if kind.is_dir() && entry.file_name() != COMPILED {
+            append_files(root, &place, files)?;
+        }
+    }
+    Ok(())
 }
 
 /// Returns what a copy of this program in another folder needs to run a Python file there, with the places in that

@@ -80,6 +80,10 @@ fn diverged(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
 /// Returns an exception as a line, and logs its traceback.
 #[cold]
 fn reason(py: Python<'_>, error: PyErr) -> String {
+    if let Some(trace) = error.traceback(py) {
+        // Before Python 3.12 the traceback is not yet part of the exception; without it the text lacks only its place.
+        let _ = error.value(py).setattr("__traceback__", trace);
+    }
     let described = py
         .import("hil.tracebacks")
         .and_then(|module| module.call_method1("describe", (error.value(py),)))
