@@ -169,6 +169,7 @@ mod ports;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
 mod python;
+mod python_sides;
 mod quad;
 mod realtime_settings;
 mod recording;
