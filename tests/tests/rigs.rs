@@ -1,6 +1,7 @@
 //! A rig behind a port as the plant of a run: an independent peer with a spring and a mass in real time, a controller of
 //! ours, requirements on measured signals, and the safe values after every kind of end.
 
+mod can;
 mod kills;
 mod media;
 mod peer;
