@@ -70,6 +70,7 @@
 //! | [`target`] | the controller on another machine: the same digest, whatever the network does |
 //! | [`trim`] | equilibria against closed forms, kept by runs that begin there, and refusals by name |
 //! | [`tuning`] | changes of values in a running session: at one step, all or none, and repeatable |
+//! | [`vacuous`] | passes whose premise never held, from the run to its evidence |
 //! | [`validity`] | invalid and old signals, from the plant's sensor and the law's command to the verdict |
 //! | [`values`] | `hil get` and `hil watch` against the recording of the session |
 //! | [`viewers`] | recordings in rerun, Foxglove's packages and rosbags |
@@ -186,6 +187,7 @@ mod tables;
 mod target;
 mod trim;
 mod tuning;
+mod vacuous;
 mod validity;
 mod values;
 mod viewers;

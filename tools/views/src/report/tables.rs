@@ -8,7 +8,7 @@ use hil_facts::results::faults::not_confirmed;
 use hil_facts::results::latency::legs::{LatencySummary, without_command};
 use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::spikes::Spike;
-use hil_facts::results::requirements::{self, Requirement};
+use hil_facts::results::requirements::{self, Requirement, why_vacuous};
 use hil_facts::results::summary::{Metric, of_law};
 use maud::{Markup, html};
 use shared_types::number::{short, short_in};
@@ -121,7 +121,7 @@ pub(super) fn requirements(runs: &[Run]) -> Markup {
 
 fn margin(run: usize, judged: &Requirement) -> Markup {
     html! {
-        (badge(judged.verdict)) " "
+        (badge(judged.outcome())) " "
         @if let Some(robustness) = judged.robustness {
             @if let Some(at_s) = judged.at_s {
                 button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
@@ -129,6 +129,7 @@ fn margin(run: usize, judged: &Requirement) -> Markup {
                 }
             } @else { (short_in(robustness, &judged.unit)) }
         }
+        @if let Some(premise) = &judged.vacuous { br; span.hint { (why_vacuous(premise)) } }
         @if let Some(decided_s) = judged.decided_at_s { br; span.hint { "certain at " (seconds(decided_s)) " s" } }
     }
 }

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use shared_types::number::counted;
 
 use super::data::Data;
-use super::{Campaign, tables};
+use super::{Campaign, indices, tables};
 use crate::command::collect::set_aside;
 use crate::command::quoted;
 
@@ -41,6 +41,7 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
             section #requirements {
                 h2 { "Requirements" }
                 (tables::requirements(campaign, data.command()))
+                (indices::indices(campaign))
             }
             (plots(data))
         }

@@ -194,8 +194,8 @@
       pixels: { class: pixels(data.classes.map((name) => "class-" + name)), variant: pixels(runs) },
     };
   };
-  // Rare classes are drawn over frequent ones: pass, undecided, lost, fail, diverged.
-  const rank = [0, 3, 4, 1, 2];
+  // Rare classes are drawn over frequent ones: pass, not possible, vacuous, undecided, lost, fail, diverged.
+  const rank = [0, 5, 6, 3, 4, 2, 1];
   const byClass = Uint32Array.from({ length: rows }, (_, row) => row).sort((a, b) => rank[classOf[a]] - rank[classOf[b]] || a - b);
   const natural = byClass.slice().sort();
   const seen = new IntersectionObserver((entries) => {
