@@ -21,18 +21,22 @@ pub(super) fn parse(text: &str) -> Result<Formula, ExpressionError> {
     let mut parser = Parser {
         words: Cursor::new(text)?,
         nodes: Vec::new(),
+        implications: Vec::new(),
     };
     parser.formula()?;
     parser.words.expect_end()?;
     Ok(Formula {
         text: text.into(),
         nodes: parser.nodes,
+        implications: parser.implications,
     })
 }
 
 struct Parser<'a> {
     words: Cursor<'a>,
     nodes: Vec<Node>,
+    /// Each `implies`, with the place of its premise.
+    implications: Vec<(usize, Range<usize>)>,
 }
 
 /// Index of the parsed node.
@@ -40,12 +44,17 @@ type Parsed = Result<usize, ExpressionError>;
 
 impl Parser<'_> {
     fn formula(&mut self) -> Parsed {
+        let begin = self.words.peek().span.start;
         let left = self.disjunction()?;
+        let last = self.words.at.saturating_sub(1);
+        let premise = begin..self.words.tokens[last].span.end;
         if !self.words.accept_word("implies") {
             return Ok(left);
         }
         let right = self.nested(Self::formula)?;
-        Ok(self.push(Node::Implies(left, right)))
+        let implication = self.push(Node::Implies(left, right));
+        self.implications.push((implication, premise));
+        Ok(implication)
     }
 
     fn disjunction(&mut self) -> Parsed {

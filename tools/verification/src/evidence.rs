@@ -90,7 +90,7 @@ pub fn write(request: &Request<'_>) -> Result<Evidence, Failure> {
         files: files.into(),
         runs: runs.len(),
         tests: tests().count(),
-        passed: tests().filter(|test| test.verdict == "pass").count(),
+        passed: tests().filter(|test| test.outcome() == "pass").count(),
         untested: untested.iter().map(|listed| listed.id.clone()).collect(),
         unknown: unknown.unwrap_or_default(),
         unlinked: tests().filter(|test| test.verifies.is_empty()).count(),

@@ -11,6 +11,7 @@ use shared_types::time::Step;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 /// Evaluation fed with records.
+#[derive(Clone)]
 pub struct RecordEvaluation {
     evaluation: Evaluation,
     /// Range of the signals in a record.

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use hil_console::files::runs::{self, SUMMARY};
 use hil_console::terminal::exit::Failure;
+use hil_facts::results::requirements::VACUOUS;
 use hil_recording::reader::RECORDING;
 use serde::Deserialize;
 use shared_types::text::{line_if_any, line_of, lines_of};
@@ -50,10 +51,23 @@ pub(super) struct Test {
     pub(super) unit: String,
     pub(super) at_s: Option<f64>,
     pub(super) decided_at_s: Option<f64>,
+    /// Premise that never called for its conclusion, of a requirement that passed.
+    #[serde(default, deserialize_with = "line_if_any")]
+    pub(super) vacuous: Option<String>,
     #[serde(default, deserialize_with = "line_if_any")]
     pub(super) id: Option<String>,
     #[serde(default, deserialize_with = "lines_of")]
     pub(super) verifies: Vec<String>,
+}
+
+impl Test {
+    /// Returns the verdict, or `vacuous` for a pass that shows nothing.
+    pub(super) fn outcome(&self) -> &str {
+        match self.vacuous {
+            Some(_) => VACUOUS,
+            None => &self.verdict,
+        }
+    }
 }
 
 /// Program of a side.
