@@ -54,7 +54,25 @@ class Command:
     force_n: float = hil.signal(unit="N", doc="Force F on the mass.")
 
 
-@hil.plant(parameters=Parameters, truth=Truth, measured=Motion, command=Command, state=Motion)
+STIFFNESS_LOSS = hil.fault(
+    "stiffness-loss",
+    doc="The spring softens or breaks.",
+    equation="k -> k (1 + (factor - 1) g)",
+    sizes={"factor": hil.signal(unit="1", min=0.0, max=1.0, doc="Share of the stiffness left.")},
+    moves={"stiffness_n_per_m": ("scale", "factor")},
+)
+PUSH = hil.fault(
+    "push",
+    doc="A force pushes the mass besides the command.",
+    equation="d -> d + force g",
+    sizes={"force_n": hil.signal(unit="N", min=-1e6, max=1e6, doc="The force.")},
+    moves={"disturbance_n": ("add", "force_n")},
+)
+
+
+@hil.plant(
+    parameters=Parameters, truth=Truth, measured=Motion, command=Command, state=Motion, faults=[STIFFNESS_LOSS, PUSH]
+)
 class SpringMass:
     """A mass on a spring with a damper, pushed by a commanded force."""
 

@@ -93,6 +93,11 @@ fn a_plant_and_a_law_in_python_have_the_digest_of_those_in_rust() {
     let expected = rig.run(BUILT_IN).expect(0).digest();
     let run = rig.run("examples/python-plant/spring-mass.toml").expect(0);
     assert_eq!(run.digest(), expected);
+    // With a fault that the plant names.
+    let breaks = rig.run("scenarios/spring-breaks.toml");
+    let file = Path::new(SPRING_MASS);
+    let in_python = run_both(&rig, Path::new("scenarios/spring-breaks.toml"), file, "");
+    assert_eq!(in_python.digest(), breaks.digest());
     for flag in ["--plant-bin", "--controller-bin"] {
         let run = rig.run(&format!("{BUILT_IN} {flag} {SPRING_MASS}"));
         assert_eq!(run.expect(0).digest(), expected, "{flag}");
@@ -209,4 +214,39 @@ fn bits(word: &str) -> u64 {
     let mantissa = u64::from_str_radix(&format!("{digits:0<14}"), 16).expect("digits");
     let exponent: i32 = exponent.parse().expect("an exponent");
     (sign * libm::ldexp(mantissa as f64, exponent - 52)).to_bits()
+}
+
+#[test]
+fn a_running_plant_and_law_take_changes_and_a_rerun_repeats_them() {
+    if !has_python() {
+        return;
+    }
+    let rig = Rig::new();
+    let running = rig.start(&format!(
+        "{BUILT_IN} --plant-bin {SPRING_MASS} --controller-bin {SPRING_MASS} --pause-at 2.5 --wait-limit 60"
+    ));
+    rig.until_held_at(2500);
+    let change = "set controller.pid.proportional_n_per_m=400 plant.parameters.mass_kg=1.2";
+    rig.in_session(change).expect(0);
+    let wrong = rig
+        .in_session("set controller.pid.proportional=400")
+        .expect(2);
+    assert!(
+        wrong.stderr.contains("proportional_n_per_m"),
+        "{}",
+        wrong.stderr
+    );
+    rig.in_session("inject scale parameter.stiffness_n_per_m 0.5")
+        .expect(0);
+    rig.in_session("resume").expect(0);
+    let run = running.finish();
+    let digest = run.digest();
+    assert_ne!(digest, rig.run(BUILT_IN).expect(0).digest());
+    let again = rig.rerun(&run.folder, &[]);
+    assert!(
+        again.stdout.contains(&digest),
+        "{}{}",
+        again.stdout,
+        again.stderr
+    );
 }

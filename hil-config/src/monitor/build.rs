@@ -29,16 +29,18 @@ pub(super) struct Built {
 }
 
 impl Built {
-    /// Adds the parts of a formula.
+    /// Adds the parts of a formula; with `unused`, of the formula in which the conclusion of that `implies` is false.
     pub(super) fn add(
         &mut self,
         formula: &Formula,
+        unused: Option<usize>,
         context: &FormulaContext<'_>,
     ) -> Result<(), ExpressionError> {
         let nodes = formula.nodes();
         let begin = self.drafts.len();
         let mut builder = Builder {
             formula,
+            unused,
             context,
             built: self,
             known: vec![[None; 2]; nodes.len()],
@@ -79,6 +81,8 @@ impl Built {
 
 struct Builder<'a> {
     formula: &'a Formula,
+    /// Index of the `implies` whose conclusion counts as false.
+    unused: Option<usize>,
     context: &'a FormulaContext<'a>,
     built: &'a mut Built,
     /// Drafts of each node and of its negation: parts that `rise` and `until` need twice are created only once.
@@ -171,6 +175,13 @@ impl Builder<'_> {
         match &formula.nodes()[node] {
             Node::Comparison(comparison) => self.comparison(comparison, holds),
             Node::Not(_) => Ok(one),
+            Node::Implies(..) if self.unused == Some(node) => {
+                // `not premise`, at the steps at which the whole implication can be evaluated.
+                let Draft { delay, until, .. } = self.built.drafts[one];
+                let until = until.min(self.built.drafts[other].until);
+                let task = Task::Join(Choice::least_if(true), one, one);
+                Ok(self.push(task, delay, until))
+            }
             Node::And(..) => Ok(self.join(one, other, holds)),
             Node::Or(..) | Node::Implies(..) => Ok(self.join(one, other, !holds)),
             Node::Over {

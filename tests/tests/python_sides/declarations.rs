@@ -66,14 +66,24 @@ const WRONG: &[(&str, &str, &str)] = &[
         "`SpringMass` has no docstring; its first sentence is the summary of the plant",
     ),
     (
-        "@hil.plant(parameters=Parameters, truth=Truth, measured=Motion, command=Command, state=Motion)\n",
+        "@hil.plant(\n    parameters=Parameters, truth=Truth, measured=Motion, command=Command, state=Motion, faults=[STIFFNESS_LOSS, PUSH]\n)\n",
         "",
         "side.py has no class that is marked with @hil.plant; it has the law `pid`",
     ),
     (
-        "@hil.plant(parameters=",
-        "@hil.plant(parameter=",
+        "    parameters=Parameters, truth=Truth",
+        "    parameter=Parameters, truth=Truth",
         "unexpected keyword argument 'parameter'",
+    ),
+    (
+        "moves={\"disturbance_n\"",
+        "moves={\"mass_kg\"",
+        "the fault `push` of `SpringMass` moves `mass_kg`; the parameters that are faultable are: stiffness_n_per_m, disturbance_n",
+    ),
+    (
+        "(\"scale\", \"factor\")",
+        "(\"scale\", \"share\")",
+        "the fault `stiffness-loss` of `SpringMass` moves `stiffness_n_per_m` by `share`; the sizes are: factor",
     ),
     (
         "import math\n",

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .arguments import Interval as Interval
     from .arguments import Sample as Sample
     from .arguments import Setup as Setup
+    from .declare import fault as fault
     from .declare import law as law
     from .declare import parameter as parameter
     from .declare import plant as plant
@@ -67,6 +68,7 @@ _MODULES = {
     "Interval": "arguments",
     "Sample": "arguments",
     "Setup": "arguments",
+    "fault": "declare",
     "law": "declare",
     "parameter": "declare",
     "plant": "declare",
@@ -110,6 +112,7 @@ __all__ = [
     "UsageError",
     "Verdict",
     "evaluate",
+    "fault",
     "law",
     "main",
     "math",

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import json
 import math
 import re
-from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple, TypeVar
+from typing import Any, Callable, Dict, Mapping, NamedTuple, Optional, Sequence, Tuple, TypeVar, Union
 
 from .errors import DeclarationError
 
@@ -57,6 +58,18 @@ class Side(NamedTuple):
     methods: Tuple[str, ...]
     #: Numbers of the state, or `None` if they have no names.
     state: Optional[Table]
+    #: Faults under names of their own, as JSON.
+    faults: str
+
+
+class Fault(NamedTuple):
+    """Fault of a plant under a name of its own, as `fault` declares it."""
+
+    kind: str
+    doc: str
+    equation: str
+    moves: Mapping[str, Tuple[str, Union[str, float]]]
+    sizes: Mapping[str, Any]
 
 
 class _Row(NamedTuple):
@@ -101,6 +114,22 @@ def parameter(
     return dataclasses.field(default=default, metadata={_KEY: row})
 
 
+def fault(
+    kind: str,
+    *,
+    doc: str,
+    equation: str,
+    moves: Mapping[str, Tuple[str, Union[str, float]]],
+    sizes: Optional[Mapping[str, Any]] = None,
+) -> Fault:
+    """Declares a fault of a plant under a name of its own: the faultable parameters that it moves.
+
+    `moves` has for each parameter an operation, `add`, `scale` or `set`, and the size that it moves by: the name of one
+    of `sizes`, which are declared by `signal`, or a number. `equation` tells users the effect in plain text.
+    """
+    return Fault(kind, doc, equation, moves, sizes or {})
+
+
 def plant(
     *,
     parameters: Optional[type] = None,
@@ -108,6 +137,7 @@ def plant(
     measured: type,
     command: Optional[type] = None,
     state: Optional[type] = None,
+    faults: Sequence[Fault] = (),
     name: Optional[str] = None,
     version: str = "0",
 ) -> Callable[[_Class], _Class]:
@@ -138,7 +168,8 @@ def plant(
         if changing or hasattr(owner, "retune"):
             _method(owner, "retune", ("parameters",), f", which applies `{changing}`" if changing else "")
             optional.append("retune")
-        return _mark(owner, "plant", name, version, tables, (), "", optional, state)
+        described = [_fault(owner, one, tables["parameters"]) for one in faults]
+        return _mark(owner, "plant", name, version, tables, (), "", optional, state, described)
 
     return mark
 
@@ -213,6 +244,7 @@ def _mark(
     tuning: str,
     methods: Sequence[str],
     state: Optional[type],
+    faults: Sequence[Dict[str, Any]] = (),
 ) -> _Class:
     summary = _sentence(owner)
     # A dataclass gets a docstring without being asked.
@@ -229,6 +261,7 @@ def _mark(
         tuning=tuning,
         methods=tuple(methods),
         state=None if state is None else _table(owner, "state", state),
+        faults=json.dumps(faults),
     )
     setattr(owner, MARK, side)
     return owner
@@ -285,7 +318,7 @@ def _column(where: str, field: "dataclasses.Field[Any]", are_parameters: bool, w
     if field.type not in (float, "float"):
         shown = getattr(field.type, "__name__", field.type)
         raise DeclarationError(f"{where} is annotated with {shown}; every column is a float")
-    if not field.init or getattr(field, "kw_only", False):
+    if not field.init or getattr(field, "kw_only", False) is True:
         raise DeclarationError(f"{where} must be a positional argument of `__init__`")
     for name, text in (("unit", row.unit), ("doc", row.doc)):
         if not isinstance(text, str):
@@ -302,6 +335,42 @@ def _column(where: str, field: "dataclasses.Field[Any]", are_parameters: bool, w
         faultable=bool(row.faultable),
         tunable=bool(row.tunable),
     )
+
+
+def _fault(owner: type, one: Fault, parameters: Table) -> Dict[str, Any]:
+    """Checks a fault and returns its description."""
+    where = f"the fault `{one.kind}` of {_title(owner)}"
+    faultable = [column.name for column in parameters.columns if column.faultable]
+    sizes = []
+    for name, size in one.sizes.items():
+        if not isinstance(size, dataclasses.Field):
+            raise DeclarationError(f"the size `{name}` of {where} is {size!r}; declare it with hil.signal")
+        size.name, size.type = name, float
+        column = _column(f"the size `{name}` of {where}", size, are_parameters=False, with_start=False)
+        ends = {"min": column.min, "max": column.max}
+        limits = {end: value for end, value in ends.items() if math.isfinite(value)}
+        sizes.append({"name": name, "unit": column.unit, "description": column.doc, **limits})
+    moves = []
+    for parameter, (operation, by) in one.moves.items():
+        _known(f"{where} moves", parameter, faultable, "parameters that are faultable")
+        _known(f"{where} moves `{parameter}` by the operation", operation, ("add", "scale", "set"), "operations")
+        if isinstance(by, str):
+            _known(f"{where} moves `{parameter}` by", by, list(one.sizes), "sizes")
+        move = {"size": by} if isinstance(by, str) else {"constant": _number(by, f"a move of {where}")}
+        moves.append({"parameter": parameter, "operation": operation, "by": move})
+    return {
+        "kind": one.kind,
+        "summary": one.doc,
+        "equation": one.equation,
+        "sizes": sizes,
+        "moves": moves,
+        "profile": {"kind": "step"},
+    }
+
+
+def _known(where: str, name: str, names: Sequence[str], what: str) -> None:
+    if name not in names:
+        raise DeclarationError(f"{where} `{name}`; the {what} are: {', '.join(names) or 'none'}")
 
 
 def _changing(table: Table, faults: bool) -> str:

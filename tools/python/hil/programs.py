@@ -78,7 +78,8 @@ def cannot_start(program: str, error: OSError) -> ProgramError:
 
 def environment() -> Dict[str, str]:
     """Returns the environment of `hil`, whose plants and laws in Python use this interpreter unless another is named."""
-    return {PYTHON: sys.executable, **os.environ}
+    own = {PYTHON: sys.executable} if sys.executable else {}
+    return {**own, **os.environ}
 
 
 def execute(arguments: Sequence[str]) -> Output:

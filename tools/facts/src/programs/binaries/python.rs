@@ -33,7 +33,8 @@ const IN_CLONE: &str = "tools/python";
 /// The current folder, which Python puts first, is not searched for modules: anybody may have written it.
 const START: &str = "\
 import sys
-del sys.path[0]
+if sys.path and not sys.path[0]:
+    del sys.path[0]
 folder, program = sys.argv[1:3]
 if folder:
     sys.path.insert(0, folder)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use plant_process::plant::{Model, PlantKind};
 use pyo3::prelude::*;
 use pyo3::{Py, intern};
-use shared_types::describe::{Invalid, PlantDescription};
+use shared_types::describe::{FaultDescription, Invalid, PlantDescription};
 use shared_types::failure::Failure;
 use shared_types::quality::SignalSet;
 use shared_types::state::State;
@@ -60,7 +60,7 @@ pub(crate) fn plant_kind(class: &Bound<'_, PyAny>) -> PyResult<PlantKind> {
         truth: shape.truth.fields.clone(),
         measured: shape.measured.fields.clone(),
         commands: shape.command.fields.clone(),
-        faults: Vec::new(),
+        faults: faults(&side)?,
         saves: shape.saving.saves(),
         port: None,
         state: shape.saving.fields(),
@@ -75,6 +75,12 @@ pub(crate) fn plant_kind(class: &Bound<'_, PyAny>) -> PyResult<PlantKind> {
         Ok(Box::new(InPython { shape, instance }))
     });
     kind.map_err(|invalid| declaration(class.py(), invalid.to_string()))
+}
+
+/// Reads the faults of a declaration.
+fn faults(side: &Bound<'_, PyAny>) -> PyResult<Vec<FaultDescription>> {
+    let json: String = side.getattr("faults")?.extract()?;
+    serde_json::from_str(&json).map_err(|error| declaration(side.py(), error.to_string()))
 }
 
 impl InPython {
