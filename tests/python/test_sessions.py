@@ -292,6 +292,20 @@ class Sessions(unittest.TestCase):
             self.assertEqual(hil.run("repeats.toml", record=False).digest, expected.digest)
         self.assertFalse(os.path.exists(folder))
 
+    def test_ctrl_c_holds_a_session_in_processes(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        values = {"run.duration_s": 1e5, "metrics": [], "requirements": [], "derived": [], "plant.program": plant}
+        with hil.Session(SPRING, set=values) as session:
+            for end_s in (9e4, math.inf):
+                before = session.step_index
+                threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+                with self.assertRaises(KeyboardInterrupt):
+                    session.step_to(end_s)
+                step = session.step_index
+                self.assertGreater(step, before)
+                session.step(5)
+                self.assertEqual((session.step_index, session.is_over), (step + 5, False))
+
     def test_nothing_is_left_by_a_session_in_processes(self):
         plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
         names = []
