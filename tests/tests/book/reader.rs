@@ -201,7 +201,7 @@ impl Desk {
                 let reads = if runs { "-" } else { "-m ast" };
                 text += &format!("echo {line} >\"$NOTES/line\"\nexec 2>\"$NOTES/{line}.err\"\n");
                 text += &format!(
-                    "PYTHONPATH=tools/python '{}' {reads} <<'_END_' >\"$NOTES/{line}.out\"\n{}_END_\n",
+                    "HIL_BIN=\"$PROGRAMS/hil\" PYTHONPATH=tools/python '{}' {reads} <<'_END_' >\"$NOTES/{line}.out\"\n{}_END_\n",
                     python.display(),
                     block.text
                 );

@@ -235,6 +235,9 @@ impl SteppedRun {
             let reason = reason.as_deref().unwrap_or("the run gave no reason");
             return Err(Failure::infrastructure(reason));
         }
+        if let Some(error) = &self.recorder.0.borrow().error {
+            return Err(Failure::infrastructure(error));
+        }
         Ok(has_arrived)
     }
 
