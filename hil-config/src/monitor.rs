@@ -19,6 +19,7 @@ mod build;
 mod context;
 mod draft;
 mod due;
+mod every_step;
 mod margin;
 mod part;
 mod window;
@@ -31,6 +32,7 @@ use crate::formula::Formula;
 use build::Built;
 pub use context::FormulaContext;
 use due::{Due, Span};
+pub use every_step::EveryStep;
 use margin::Margin;
 use part::Part;
 
@@ -110,8 +112,13 @@ impl Monitors {
     ) -> Result<Self, ExpressionError> {
         let mut built = Built::default();
         for formula in formulas {
-            built.add(formula, context)?;
+            built.add(formula, context, true)?;
         }
+        Ok(Self::of(built))
+    }
+
+    /// Prepares built formulas for the first row.
+    fn of(built: Built) -> Self {
         let (parts, spans, places) = draft::parts(&built.drafts);
         let judgements = built.wholes.iter().map(|whole| Judgement {
             whole: places[*whole],
@@ -119,7 +126,7 @@ impl Monitors {
             judged: None,
         });
         let judgements: Vec<Judgement> = judgements.collect();
-        Ok(Self {
+        Self {
             margins: parts.iter().map(Part::first_margin).collect(),
             certain: vec![None; parts.len()],
             deciding: deciding(&parts, &judgements),
@@ -129,7 +136,7 @@ impl Monitors {
             rows: 0,
             sides: built.sides,
             parts,
-        })
+        }
     }
 
     /// Processes the row of a step. Steps must be consecutive from 0; a lost row is all NaN.
