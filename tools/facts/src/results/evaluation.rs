@@ -11,6 +11,7 @@ use shared_types::time::Step;
 use shared_types::zerocopy::{FromBytes, IntoBytes};
 
 /// Evaluation fed with records.
+#[derive(Clone)]
 pub struct RecordEvaluation {
     evaluation: Evaluation,
     /// Range of the signals in a record.
@@ -60,6 +61,12 @@ impl RecordEvaluation {
         let invalid = self.validity.invalid(words);
         (self.evaluation).observe(Step(words[0]), values, invalid);
         self.evaluation.derived()
+    }
+
+    /// Returns the signals of the last record with the derived ones behind them; NaN for missing values.
+    #[must_use]
+    pub fn row(&self) -> &[f64] {
+        self.evaluation.row()
     }
 
     /// Returns the results so far.
