@@ -13,7 +13,7 @@ use hil_recording::reader::Column;
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Plot {
     #[serde(flatten)]
-    pub(super) chosen: plots::Plot,
+    pub(crate) chosen: plots::Plot,
     marks: Vec<Mark>,
 }
 
@@ -30,7 +30,7 @@ struct Mark {
 }
 
 /// Returns the plots of some runs, for the comparisons in their requirements and the signals requested by the user.
-pub(super) fn plots(
+pub(crate) fn plots(
     runs: &[Run],
     signals: &[Signals],
     bounds: Vec<Vec<Bound>>,
