@@ -16,6 +16,7 @@ use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
 use shared_types::side::Side;
+use shared_types::state::State;
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;
@@ -292,6 +293,16 @@ impl<'a, L: Link> Runner<'a, L> {
         let limit = self.job.start_limit_s.map(WaitLimit::from_seconds);
         let is_before = self.bound.is_none() || self.side.awaits_first();
         is_before && limit.is_some_and(|limit| waited_ns < limit.ns())
+    }
+
+    /// Returns the state of the law and of its pending commands, between two samples.
+    ///
+    /// # Errors
+    /// If the law cannot save its state, or the run has not begun.
+    pub fn state(&self) -> Result<State, Invalid> {
+        let bound = self.bound.as_ref();
+        let bound = bound.ok_or_else(|| Invalid("the run has not begun".into()))?;
+        State::of(&bound.save()?)
     }
 
     /// Returns the end of the run; `None` until then.

@@ -62,6 +62,8 @@ pub struct Formula {
     text: String,
     /// Nodes, operands before the operators that use them; the last node is the whole formula.
     nodes: Vec<Node>,
+    /// Each `implies`, with the place of its premise in the text.
+    implications: Vec<(usize, Range<usize>)>,
 }
 
 /// Node of a formula; operands are indices into its list.
@@ -360,6 +362,33 @@ impl Formula {
         }
         compared.reverse();
         compared
+    }
+
+    /// Lists every `implies` that the formula asks for, with the text of its premise: one that only `and`, `or`,
+    /// temporal operators, other conclusions, and an even number of `not` and premises contain.
+    pub(crate) fn implications(&self) -> Vec<(usize, &str)> {
+        if self.implications.is_empty() {
+            return Vec::new();
+        }
+        let mut is_turned = vec![None; self.nodes.len()];
+        is_turned[self.nodes.len() - 1] = Some(false);
+        // From the whole formula down to its operands.
+        for (place, node) in self.nodes.iter().enumerate().rev() {
+            let own = is_turned[place];
+            let other = own.map(|it: bool| !it);
+            match *node {
+                Node::Comparison(_) | Node::Edge { .. } => {}
+                Node::Not(operand) => is_turned[operand] = other,
+                Node::And(a, b) | Node::Or(a, b) => [is_turned[a], is_turned[b]] = [own; 2],
+                Node::Implies(a, b) => [is_turned[a], is_turned[b]] = [other, own],
+                Node::Over { operand, .. } => is_turned[operand] = own,
+                Node::Chain { hold, reach, .. } => [is_turned[hold], is_turned[reach]] = [own; 2],
+            }
+        }
+        (self.implications.iter())
+            .filter(|(place, _)| is_turned[*place] == Some(false))
+            .map(|(place, span)| (*place, &self.text[span.clone()]))
+            .collect()
     }
 
     /// Lists the nodes, operands first.

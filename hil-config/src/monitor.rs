@@ -12,6 +12,8 @@
 //! 2. At each row only the sides and parts that are due compute one value or margin each, operands first; the lists of
 //!    due parts change at few rows. A window with a single needed result keeps one number, and other windows keep their
 //!    steps.
+//!    For each `implies` that a formula asks for, there is a second formula in which the conclusion is false: if it
+//!    holds too, the formula holds [vacuously](Monitors::vacuous).
 //! 3. The [`Verdict`] is certain as soon as no later row can change it. After the last step on which the formula
 //!    depends, the robustness is known and nothing more is computed.
 
@@ -73,7 +75,10 @@ pub struct Monitors {
     certain: Vec<Option<bool>>,
     /// Parts whose certainty decides verdicts early, operands first.
     deciding: Vec<usize>,
+    /// Judgements of the formulas, then those of [`implications`](Self::implications).
     judgements: Vec<Judgement>,
+    /// Formula and premise of each `implies` that a formula asks for.
+    implications: Vec<(usize, String)>,
     /// Rows at which each part is active.
     spans: Vec<Span>,
     /// Work that is due at the current row.
@@ -111,10 +116,21 @@ impl Monitors {
         context: &FormulaContext<'_>,
     ) -> Result<Self, ExpressionError> {
         let mut built = Built::default();
-        for formula in formulas {
-            built.add(formula, context, true)?;
+        let formulas: Vec<&Formula> = formulas.into_iter().collect();
+        for formula in &formulas {
+            built.add(formula, None, context, true)?;
         }
-        Ok(Self::of(built))
+        let mut implications = Vec::new();
+        for (number, formula) in formulas.iter().enumerate() {
+            for (implication, premise) in formula.implications() {
+                built.add(formula, Some(implication), context, true)?;
+                implications.push((number, premise.to_owned()));
+            }
+        }
+        Ok(Self {
+            implications,
+            ..Self::of(built)
+        })
     }
 
     /// Prepares built formulas for the first row.
@@ -131,6 +147,7 @@ impl Monitors {
             certain: vec![None; parts.len()],
             deciding: deciding(&parts, &judgements),
             judgements,
+            implications: Vec::new(),
             due: Due::new(parts.len(), &spans),
             spans,
             rows: 0,
@@ -213,7 +230,23 @@ impl Monitors {
     /// Returns the judgement of each formula, in the order of the formulas.
     #[must_use]
     pub fn judgements(&self) -> &[Judgement] {
-        &self.judgements
+        &self.judgements[..self.formulas()]
+    }
+
+    /// Returns the premise for which a formula holds vacuously: the formula holds even if the conclusion of that
+    /// premise counts as false. `None` if there is no such premise, or it is not certain yet.
+    #[must_use]
+    pub fn vacuous(&self, formula: usize) -> Option<&str> {
+        let with_premises = (self.implications.iter()).zip(&self.judgements[self.formulas()..]);
+        let holds = |one: &Judgement| one.verdict() == Verdict::Pass;
+        with_premises
+            .filter(|((of, _), without)| *of == formula && holds(without))
+            .map(|((_, premise), _)| premise.as_str())
+            .find(|_| holds(&self.judgements[formula]))
+    }
+
+    const fn formulas(&self) -> usize {
+        self.judgements.len() - self.implications.len()
     }
 
     /// Returns bounds on the final robustness of each formula, whatever rows follow; infinite if unknown. For an
@@ -229,7 +262,7 @@ impl Monitors {
                 _ => part.bounds(&bounds, self.margins[at]),
             };
         }
-        let judgements = self.judgements.iter();
+        let judgements = self.judgements().iter();
         judgements.map(|one| bounds[one.whole]).collect()
     }
 

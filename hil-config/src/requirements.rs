@@ -53,6 +53,9 @@ pub struct RequirementValue {
     pub at_s: Option<f64>,
     /// Time in s of the step that made the verdict certain.
     pub decided_at_s: Option<f64>,
+    /// Premise that never called for its conclusion: the requirement would pass if the conclusion were false. `None`
+    /// unless it passed.
+    pub vacuous: Option<String>,
 }
 
 impl Requirements {
@@ -95,7 +98,7 @@ impl Requirements {
     pub(crate) fn values(&self) -> Vec<RequirementValue> {
         let seconds = |step: Option<Step>| step.map(|step| self.rate.seconds(step));
         let judged = self.stated.iter().zip(self.monitors.judgements());
-        let values = judged.map(|(stated, judgement)| {
+        let values = judged.enumerate().map(|(number, (stated, judgement))| {
             let Stated {
                 name,
                 formula,
@@ -111,6 +114,7 @@ impl Requirements {
                 trace,
                 at_s: seconds(judgement.judged_by()),
                 decided_at_s: seconds(judgement.decided_at()),
+                vacuous: self.monitors.vacuous(number).map(Into::into),
             }
         });
         values.collect()

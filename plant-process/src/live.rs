@@ -39,6 +39,7 @@ const OBJECTION_LIMIT: Duration = Duration::from_secs(30);
 const MOST_FAULTS: usize = 16;
 
 /// Context against which requests are checked.
+#[derive(Clone)]
 pub struct LiveContext {
     run: RequestContext,
     law: Option<LawDescription>,
@@ -103,43 +104,69 @@ pub fn serve(
     builder: Arc<FaultBuilder>,
     objections: Objections,
 ) -> Result<Listening, String> {
-    let mut service = Service {
-        context,
-        queue,
-        builder,
-        objections,
-    };
+    let mut service = Service::new(context, queue, builder, objections);
     live::listen(session, SOCKET, move |client| {
         // A client that has gone needs no answer.
         let _ = live::answer(client, |request| match request {
-            Ok(request) => service.respond(request),
+            Ok(request) => service.respond(request, &mut || std::thread::sleep(LOOK)),
             Err(refusal) => refused(refusal),
         });
     })
 }
 
-struct Service {
+/// Service of the requests to one run.
+pub struct Service {
     context: LiveContext,
     queue: Arc<RequestQueue>,
     builder: Arc<FaultBuilder>,
     objections: Objections,
 }
 
+/// Work while a request waits for the loop: a sleep, or a turn of a loop in the same thread.
+type Pause<'a> = &'a mut dyn FnMut();
+
 impl Service {
-    fn respond(&mut self, request: Request) -> Response {
+    /// Creates the service of a run.
+    #[must_use]
+    pub fn new(
+        context: LiveContext,
+        queue: Arc<RequestQueue>,
+        builder: Arc<FaultBuilder>,
+        objections: Objections,
+    ) -> Self {
+        Self {
+            context,
+            queue,
+            builder,
+            objections,
+        }
+    }
+
+    /// Returns everything against which the next request is checked.
+    #[must_use]
+    pub const fn context(&self) -> &LiveContext {
+        &self.context
+    }
+
+    /// Checks a request and passes it to the loop; calls `pause` until the loop has answered.
+    pub fn respond(&mut self, request: Request, pause: Pause<'_>) -> Response {
         let result = match request {
             Request::Possible => Ok(self.possible()),
             Request::Status => Ok(self.status()),
-            Request::Inject { toml } => return self.inject(&toml),
-            Request::Clear { id } => self.clear(id),
-            Request::Active => self.show(),
-            Request::Pause => self.request(LoopRequest::Pause).map(|()| self.status()),
-            Request::Resume => self.request(LoopRequest::Resume).map(|()| self.status()),
-            Request::Advance { steps } => self.advance(steps),
-            Request::Record => self.record(),
-            Request::Mark { text } => self.mark(&text),
-            Request::Set(request) => return self.set(&request),
-            Request::Tunable => self.tunable(),
+            Request::Inject { toml } => return self.inject(&toml, pause),
+            Request::Clear { id } => self.clear(id, pause),
+            Request::Active => self.show(pause),
+            Request::Pause => self
+                .request(LoopRequest::Pause, pause)
+                .map(|()| self.status()),
+            Request::Resume => self
+                .request(LoopRequest::Resume, pause)
+                .map(|()| self.status()),
+            Request::Advance { steps } => self.advance(steps, pause),
+            Request::Record => self.record(pause),
+            Request::Mark { text } => self.mark(&text, pause),
+            Request::Set(request) => return self.set(&request, pause),
+            Request::Tunable => self.tunable(pause),
         };
         result.unwrap_or_else(refused)
     }
@@ -166,8 +193,8 @@ impl Service {
         self.queue.status(run.rate, run.steps)
     }
 
-    fn inject(&mut self, toml: &str) -> Response {
-        let layout = match self.layout() {
+    fn inject(&mut self, toml: &str, pause: Pause<'_>) -> Response {
+        let layout = match self.layout(pause) {
             Ok(layout) => layout,
             Err(refusal) => return refused(refusal),
         };
@@ -198,7 +225,7 @@ impl Service {
             Ok(armed) => armed,
             Err(invalid) => return refused(Refusal::new(invalid.to_string())),
         };
-        match self.request(|answer| LoopRequest::Admit(armed, answer)) {
+        match self.request(|answer| LoopRequest::Admit(armed, answer), pause) {
             Ok(Ok(admitted)) => {
                 self.context.run.note(&events);
                 let rate = self.context.run.rate;
@@ -230,8 +257,8 @@ impl Service {
             .map(|event| event.kind.as_str())
     }
 
-    fn clear(&self, id: Option<u32>) -> Result<Response, Refusal> {
-        let (ids, step) = self.request(|answer| LoopRequest::Clear(id, answer))?;
+    fn clear(&self, id: Option<u32>, pause: Pause<'_>) -> Result<Response, Refusal> {
+        let (ids, step) = self.request(|answer| LoopRequest::Clear(id, answer), pause)?;
         if let (Some(id), true) = (id, ids.is_empty()) {
             return Err(Refusal {
                 expected: Some("the number of a fault that waits or acts".into()),
@@ -243,18 +270,18 @@ impl Service {
         Ok(Response::Cleared { ids, step: step.0 })
     }
 
-    fn show(&self) -> Result<Response, Refusal> {
-        let faults = self.request(LoopRequest::Show)?;
+    fn show(&self, pause: Pause<'_>) -> Result<Response, Refusal> {
+        let faults = self.request(LoopRequest::Show, pause)?;
         let status = self.progress();
         Ok(Response::Active { status, faults })
     }
 
     /// Responds when the run is held again or, if that takes too long, with its current position.
-    fn advance(&self, steps: u64) -> Result<Response, Refusal> {
+    fn advance(&self, steps: u64, pause: Pause<'_>) -> Result<Response, Refusal> {
         if steps == 0 {
             return Err(Refusal::new("0 steps were requested; at least 1 is needed"));
         }
-        let until = self.request(|answer| LoopRequest::Advance(steps, answer))?;
+        let until = self.request(|answer| LoopRequest::Advance(steps, answer), pause)?;
         let until = until.map_err(Refusal::new)?;
         let since = Instant::now();
         loop {
@@ -263,13 +290,13 @@ impl Service {
             if there || self.queue.is_closed() || since.elapsed() > LOOP_LIMIT {
                 return Ok(Response::Status(status));
             }
-            std::thread::sleep(LOOK);
+            pause();
         }
     }
 
-    fn record(&self) -> Result<Response, Refusal> {
-        let layout = Box::new(self.layout()?.clone());
-        let words = self.request(LoopRequest::Record)?;
+    fn record(&self, pause: Pause<'_>) -> Result<Response, Refusal> {
+        let layout = Box::new(self.layout(pause)?.clone());
+        let words = self.request(LoopRequest::Record, pause)?;
         let none = || Refusal {
             expected: Some("a run that has executed a step; `hil step` executes one".into()),
             ..Refusal::new("there is no record yet: no step was executed")
@@ -280,14 +307,14 @@ impl Service {
         })
     }
 
-    fn mark(&self, text: &str) -> Result<Response, Refusal> {
+    fn mark(&self, text: &str, pause: Pause<'_>) -> Result<Response, Refusal> {
         let text = text::line(text.trim());
         let count = text.chars().count();
         if count == 0 || count > LONGEST_MARK {
             let message = format!("a mark of {count} characters; 1 to {LONGEST_MARK} are accepted");
             return Err(Refusal::new(message));
         }
-        let step = self.request(|answer| LoopRequest::Mark(text, answer))?;
+        let step = self.request(|answer| LoopRequest::Mark(text, answer), pause)?;
         let step = step.map_err(Refusal::new)?;
         Ok(Response::Marked {
             step: step.0,
@@ -295,12 +322,16 @@ impl Service {
         })
     }
 
-    fn set(&mut self, request: &ChangeRequest) -> Response {
-        let changed = self.change(request);
+    fn set(&mut self, request: &ChangeRequest, pause: Pause<'_>) -> Response {
+        let changed = self.change(request, pause);
         changed.unwrap_or_else(|problems| Response::Refused { problems })
     }
 
-    fn change(&mut self, request: &ChangeRequest) -> Result<Response, Vec<Refusal>> {
+    fn change(
+        &mut self,
+        request: &ChangeRequest,
+        pause: Pause<'_>,
+    ) -> Result<Response, Vec<Refusal>> {
         let one = |refusal: Refusal| vec![refusal];
         for (place, new) in request.set.iter().enumerate() {
             if request.set[..place]
@@ -311,7 +342,8 @@ impl Service {
                 return Err(one(Refusal::new(message)));
             }
         }
-        let tunable = (self.request(|answer| LoopRequest::Tunable(None, answer))).map_err(one)?;
+        let tunable =
+            (self.request(|answer| LoopRequest::Tunable(None, answer), pause)).map_err(one)?;
         let offered = &tunable.offered;
         let fields = self.fields_of(offered);
         let checked = (self.context.run).check_change(request, (&offered.law, &fields), 0);
@@ -325,7 +357,8 @@ impl Service {
             return Err(one(Refusal::new(message)));
         }
         let proposal = Some(Box::new(change.clone()));
-        let after = (self.request(|answer| LoopRequest::Tunable(proposal, answer))).map_err(one)?;
+        let after =
+            (self.request(|answer| LoopRequest::Tunable(proposal, answer), pause)).map_err(one)?;
         for parameters in after.plant_after {
             let question = ParameterQuestion {
                 epoch: 0,
@@ -340,7 +373,7 @@ impl Service {
                 .map_err(|objection| one(Refusal::new(format!("the controller: {objection}"))))?;
         }
         let proposal = Box::new(change.clone());
-        let result = self.request(|answer| LoopRequest::Change(proposal, epoch, answer));
+        let result = self.request(|answer| LoopRequest::Change(proposal, epoch, answer), pause);
         let (id, step) = (result.map_err(one)?).map_err(|reason| one(Refusal::new(reason)))?;
         for new in &change.set {
             if let Some(name) = new.key.strip_prefix(PLANT_KEYS) {
@@ -380,8 +413,8 @@ impl Service {
         }
     }
 
-    fn tunable(&self) -> Result<Response, Refusal> {
-        let tunables = self.request(|answer| LoopRequest::Tunable(None, answer))?;
+    fn tunable(&self, pause: Pause<'_>) -> Result<Response, Refusal> {
+        let tunables = self.request(|answer| LoopRequest::Tunable(None, answer), pause)?;
         let law = &self.context.law;
         let is_active = |law: &&LawDescription| law.name == tunables.offered.law;
         Ok(Response::Tunable(Box::new(Tunables {
@@ -399,7 +432,7 @@ impl Service {
     }
 
     /// Returns the layout of the records; waits for hello, up to a limit.
-    fn layout(&self) -> Result<&RecordLayout, Refusal> {
+    fn layout(&self, pause: Pause<'_>) -> Result<&RecordLayout, Refusal> {
         let since = Instant::now();
         loop {
             if let Some(layout) = self.queue.layout() {
@@ -410,7 +443,7 @@ impl Service {
                     "the run has not begun: plant and controller are not connected",
                 ));
             }
-            std::thread::sleep(LOOK);
+            pause();
         }
     }
 
@@ -418,14 +451,15 @@ impl Service {
     fn request<T>(
         &self,
         request: impl FnOnce(std::sync::mpsc::Sender<T>) -> LoopRequest,
+        pause: Pause<'_>,
     ) -> Result<T, Refusal> {
-        self.layout()?;
-        wait(&self.queue.push(request))
+        self.layout(pause)?;
+        wait(&self.queue.push(request), pause)
     }
 }
 
 /// Waits by polling, so that the loop needs no system call to wake anybody.
-fn wait<T>(receiver: &Receiver<T>) -> Result<T, Refusal> {
+fn wait<T>(receiver: &Receiver<T>, pause: Pause<'_>) -> Result<T, Refusal> {
     let since = Instant::now();
     loop {
         match receiver.try_recv() {
@@ -438,7 +472,7 @@ fn wait<T>(receiver: &Receiver<T>) -> Result<T, Refusal> {
                 );
                 return Err(Refusal::new(message));
             }
-            Err(TryRecvError::Empty) => std::thread::sleep(LOOK),
+            Err(TryRecvError::Empty) => pause(),
         }
     }
 }

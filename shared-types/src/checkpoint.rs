@@ -54,6 +54,9 @@ pub struct Resume {
     pub step: Step,
     /// File with this side's state before that step.
     pub state: PathBuf,
+    /// State in memory, for sides in the launcher's own process; the file is then not read.
+    #[serde(skip)]
+    pub memory: Option<State>,
 }
 
 /// Header of a state file, followed by the state.
@@ -127,6 +130,9 @@ impl Resume {
     /// # Errors
     /// If the file cannot be read, or belongs to another plant, law or step.
     pub fn read<S: DeserializeOwned>(&self, of: &str) -> Result<S, Invalid> {
+        if let Some(state) = &self.memory {
+            return state.read();
+        }
         let path = self.state.display();
         let bytes = fs::read(&self.state)
             .map_err(|error| Invalid(format!("cannot read {path}: {error}")))?;
@@ -176,6 +182,7 @@ mod tests {
         Resume {
             step: Step(step),
             state: folder.path().join("checkpoint-3-plant.state"),
+            memory: None,
         }
     }
 

@@ -428,7 +428,9 @@ mod port;
 mod rows;
 mod settings;
 
-pub use imported::{DefinedUnit, DirectDependency, Imported, LeftOut, LibraryNeeds};
+pub use imported::{
+    DefinedUnit, DirectDependency, Imported, ImportedModule, LeftOut, LibraryNeeds,
+};
 pub use port::PortPlant;
 pub use settings::{MissingSetting, ModelSettings, Setting, Settings};
 

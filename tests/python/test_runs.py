@@ -251,11 +251,11 @@ class Package(unittest.TestCase):
         for name in hil.__all__:
             self.assertIsNotNone(getattr(hil, name))
             self.assertIn(name, dir(hil))
-        with self.assertRaisesRegex(AttributeError, "no attribute 'Session'"):
-            hil.Session
+        with self.assertRaisesRegex(AttributeError, "no attribute 'Sessions'"):
+            hil.Sessions
 
     def test_values_are_written_as_toml(self):
-        from hil.launch import toml
+        from hil.values import toml
 
         for value, text in [
             (True, "true"),

@@ -70,6 +70,7 @@
 //! | [`target`] | the controller on another machine: the same digest, whatever the network does |
 //! | [`trim`] | equilibria against closed forms, kept by runs that begin there, and refusals by name |
 //! | [`tuning`] | changes of values in a running session: at one step, all or none, and repeatable |
+//! | [`vacuous`] | passes whose premise never held, from the run to its evidence |
 //! | [`validity`] | invalid and old signals, from the plant's sensor and the law's command to the verdict |
 //! | [`values`] | `hil get` and `hil watch` against the recording of the session |
 //! | [`viewers`] | recordings in rerun, Foxglove's packages and rosbags |
@@ -91,7 +92,7 @@
 //! | `HIL_TEST_FMPY=1` | Python's `fmpy` |
 //! | `HIL_TEST_GDB=1` | a `gdb` that may trace |
 //! | `HIL_TEST_NETNS=1` | a user who may make network namespaces |
-//! | `HIL_TEST_NODE=1` | Foxglove's packages, installed with npm |
+//! | `HIL_TEST_NODE=1` | Foxglove's packages and axe-core, installed with npm |
 //! | `HIL_TEST_PARALLEL=1` | GNU `parallel` |
 //! | `HIL_TEST_PYTHON=1` | a Python environment, made for the tests |
 //! | `HIL_TEST_QEMU=1` | a kernel for a guest, unpacked by `.ci/run tools` |
@@ -168,6 +169,7 @@ mod ports;
 #[path = "../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
 mod python;
+mod python_sides;
 mod quad;
 mod realtime_settings;
 mod recording;
@@ -186,6 +188,7 @@ mod tables;
 mod target;
 mod trim;
 mod tuning;
+mod vacuous;
 mod validity;
 mod values;
 mod viewers;

@@ -1,4 +1,4 @@
-"""Names the platform of a wheel that contains programs.
+"""Names the interface and the platform of a wheel that contains programs and the native module.
 
 `build` computes the tag from the programs and hands it over; a package without programs runs everywhere.
 """
@@ -13,6 +13,6 @@ class Hook(BuildHookInterface):
     def initialize(self, version, build_data):
         if not (pathlib.Path(self.root) / "hil" / "bin" / "hil").exists():
             return
-        # No extension module is in it, so any Python 3 will do.
+        # Its extension module uses the stable interface of CPython 3.9.
         build_data["pure_python"] = False
-        build_data["tag"] = f"py3-none-{os.environ['HIL_WHEEL_PLATFORM']}"
+        build_data["tag"] = f"cp39-abi3-{os.environ['HIL_WHEEL_PLATFORM']}"

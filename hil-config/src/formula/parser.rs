@@ -10,7 +10,7 @@ use super::{Comparison, Formula, FormulaSide, Node, Relation, Window};
 use crate::expression::cursor::Cursor;
 use crate::expression::lexer::{JOINTS, PREFIXES, Token, TokenKind};
 use crate::expression::spellings;
-use crate::expression::{Expression, ExpressionError, functions, is_reserved};
+use crate::expression::{Expression, ExpressionError, VALID, functions, is_reserved};
 
 /// Returns `true` if a name is a formula operator and so cannot be the name of a signal.
 pub(crate) fn is_operator(name: &str) -> bool {
@@ -21,18 +21,22 @@ pub(super) fn parse(text: &str) -> Result<Formula, ExpressionError> {
     let mut parser = Parser {
         words: Cursor::new(text)?,
         nodes: Vec::new(),
+        implications: Vec::new(),
     };
     parser.formula()?;
     parser.words.expect_end()?;
     Ok(Formula {
         text: text.into(),
         nodes: parser.nodes,
+        implications: parser.implications,
     })
 }
 
 struct Parser<'a> {
     words: Cursor<'a>,
     nodes: Vec<Node>,
+    /// Each `implies`, with the place of its premise.
+    implications: Vec<(usize, Range<usize>)>,
 }
 
 /// Index of the parsed node.
@@ -40,12 +44,17 @@ type Parsed = Result<usize, ExpressionError>;
 
 impl Parser<'_> {
     fn formula(&mut self) -> Parsed {
+        let begin = self.words.peek().span.start;
         let left = self.disjunction()?;
+        let last = self.words.at.saturating_sub(1);
+        let premise = begin..self.words.tokens[last].span.end;
         if !self.words.accept_word("implies") {
             return Ok(left);
         }
         let right = self.nested(Self::formula)?;
-        Ok(self.push(Node::Implies(left, right)))
+        let implication = self.push(Node::Implies(left, right));
+        self.implications.push((implication, premise));
+        Ok(implication)
     }
 
     fn disjunction(&mut self) -> Parsed {
@@ -199,6 +208,7 @@ impl Parser<'_> {
         }
         let relations = relations(words);
         let (relation, sign) = match relations.as_slice() {
+            [] if is_validity(words) => return self.validity(end, span),
             [] => return Err(self.no_comparison(begin..end, span)),
             [one] => one.clone(),
             [_, (_, second), ..] => {
@@ -228,6 +238,22 @@ impl Parser<'_> {
             right,
         });
         Ok(self.push(node))
+    }
+
+    /// Pushes `valid(x)` as the comparison `valid(x) > 0.5`; the next token is that at `end`.
+    fn validity(&mut self, end: usize, span: Range<usize>) -> Parsed {
+        let right = FormulaSide {
+            expression: Expression::parse("0.5")?,
+            start: span.end,
+        };
+        let left = self.side(span)?;
+        self.words.at = end;
+        let relation = Relation::Greater;
+        Ok(self.push(Node::Comparison(Comparison {
+            relation,
+            left,
+            right,
+        })))
     }
 
     /// Returns the first token after the comparison that begins here.
@@ -335,6 +361,16 @@ impl Parser<'_> {
         self.words.leave();
         Ok(parsed)
     }
+}
+
+/// Returns `true` for tokens that are a call of `valid` and nothing else.
+fn is_validity(words: &[Token]) -> bool {
+    let is = |token: &Token, symbol: &'static str| token.kind == TokenKind::Symbol(symbol);
+    let [name, open, inner @ .., close] = words else {
+        return false;
+    };
+    let is_call = matches!(&name.kind, TokenKind::Name(name) if name == VALID);
+    is_call && is(open, "(") && is(close, ")") && !inner.iter().any(|token| is(token, ")"))
 }
 
 /// Returns the first operator of another language between two operands.

@@ -30,10 +30,12 @@ pub(super) struct Built {
 }
 
 impl Built {
-    /// Adds the parts of a formula, judged at step 0 alone or at every step at which it can be judged.
+    /// Adds the parts of a formula, judged at step 0 alone or at every step at which it can be judged; with `unused`, of
+    /// the formula in which the conclusion of that `implies` is false.
     pub(super) fn add(
         &mut self,
         formula: &Formula,
+        unused: Option<usize>,
         context: &FormulaContext<'_>,
         at_start: bool,
     ) -> Result<(), ExpressionError> {
@@ -41,6 +43,7 @@ impl Built {
         let begin = self.drafts.len();
         let mut builder = Builder {
             formula,
+            unused,
             context,
             built: self,
             known: vec![[None; 2]; nodes.len()],
@@ -86,6 +89,8 @@ impl Built {
 
 struct Builder<'a> {
     formula: &'a Formula,
+    /// Index of the `implies` whose conclusion counts as false.
+    unused: Option<usize>,
     context: &'a FormulaContext<'a>,
     built: &'a mut Built,
     /// Drafts of each node and of its negation: parts that `rise` and `until` need twice are created only once.
@@ -178,6 +183,13 @@ impl Builder<'_> {
         match &formula.nodes()[node] {
             Node::Comparison(comparison) => self.comparison(comparison, holds),
             Node::Not(_) => Ok(one),
+            Node::Implies(..) if self.unused == Some(node) => {
+                // `not premise`, at the steps at which the whole implication can be evaluated.
+                let Draft { delay, until, .. } = self.built.drafts[one];
+                let until = until.min(self.built.drafts[other].until);
+                let task = Task::Join(Choice::least_if(true), one, one);
+                Ok(self.push(task, delay, until))
+            }
             Node::And(..) => Ok(self.join(one, other, holds)),
             Node::Or(..) | Node::Implies(..) => Ok(self.join(one, other, !holds)),
             Node::Over {

@@ -27,7 +27,7 @@ impl EveryStep {
     /// no step, or the formula would keep too many steps.
     pub fn new(formula: &Formula, context: &FormulaContext<'_>) -> Result<Self, ExpressionError> {
         let mut built = Built::default();
-        built.add(formula, context, false)?;
+        built.add(formula, None, context, false)?;
         let whole = &built.drafts[built.wholes[0]];
         Ok(Self {
             delay: whole.delay,

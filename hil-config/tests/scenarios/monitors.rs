@@ -4,6 +4,7 @@
 //! of `docs/requirements.md`, at any step, with access to whole traces.
 
 mod definitions;
+mod vacuous;
 
 use hil_config::expression::{Columns, Group};
 use hil_config::formula::Formula;

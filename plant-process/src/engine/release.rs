@@ -2,12 +2,14 @@
 
 use hil_config::plan::{Clock, Waveform};
 use hil_session::clock::monotonic_ns;
+use shared_types::describe::Invalid;
 use shared_types::frame::{FrameKind, Header};
 use shared_types::hello::Control;
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent};
 use shared_types::pacer::Pacer;
 use shared_types::record::Outcome;
+use shared_types::state::State;
 use shared_types::stream::RecordSink;
 use shared_types::time::Step;
 
@@ -124,6 +126,19 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
 
     /// Saves the state before any work on a step; every earlier record has been published.
     fn save(&mut self, step: Step) -> Result<(), String> {
+        let saved = self.saved_plant().map_err(|e| e.to_string())?;
+        self.saves.write(step, &saved)
+    }
+
+    /// Returns the state of a run that is held before a step.
+    ///
+    /// # Errors
+    /// If the plant or a fault cannot save its state.
+    pub fn state(&mut self) -> Result<State, Invalid> {
+        State::of(&self.saved_plant()?)
+    }
+
+    fn saved_plant(&mut self) -> Result<SavedPlant, Invalid> {
         let Plant {
             model,
             instruments,
@@ -131,20 +146,17 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             tuning,
             ..
         } = &mut self.plant;
-        let saved = model.save().and_then(|model| {
-            Ok(SavedPlant {
-                model,
-                instruments: {
-                    let mut states = instruments.save()?;
-                    states.extend(faults.save_bus()?);
-                    states
-                },
-                faults: faults.save()?,
-                tuning: tuning.save(),
-                record: self.rows.record.clone(),
-            })
-        });
-        self.saves.write(step, &saved.map_err(|e| e.to_string())?)
+        Ok(SavedPlant {
+            model: model.save()?,
+            instruments: {
+                let mut states = instruments.save()?;
+                states.extend(faults.save_bus()?);
+                states
+            },
+            faults: faults.save()?,
+            tuning: tuning.save(),
+            record: self.rows.record.clone(),
+        })
     }
 
     pub(super) fn sample_header(&self, step: Step) -> Header {

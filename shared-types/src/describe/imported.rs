@@ -26,6 +26,9 @@ pub struct Imported {
     /// Variables with settable initial values, in addition to the inputs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub initial: Vec<String>,
+    /// Continuous states by which the model differentiates its equations itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub continuous_states: Vec<String>,
     /// Units as the model defines them.
     #[serde(default)]
     pub units: Vec<DefinedUnit>,
@@ -35,9 +38,24 @@ pub struct Imported {
     /// Nonsensical attributes of the model, which are ignored.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
+    /// Modules that the model imports, for a model in Python.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub modules: Vec<ImportedModule>,
     /// Requirements of the model's shared library, if the library was loaded to find them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub library: Option<LibraryNeeds>,
+}
+
+/// Module that a model in Python imports, with all of its parts.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct ImportedModule {
+    /// Name.
+    pub name: String,
+    /// Version; empty if the module states none.
+    #[serde(default)]
+    pub version: String,
+    /// Hash of the module's file; of a package, hash of the hashes of its files that were imported.
+    pub blake3: String,
 }
 
 /// Requirements of a shared library, and the ones that this machine does not meet.

@@ -84,29 +84,36 @@ pub trait RecordSink {
     fn event(&mut self, event: &Event) -> Result<(), LinkError>;
 }
 
-/// Mutable reference to the plant's end, usable by a shorter-lived owner.
-impl<S: RecordSink + ?Sized> RecordSink for &mut S {
-    fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
-        (**self).open(layout)
-    }
+/// Implements [`RecordSink`] for a pointer to the plant's end.
+macro_rules! by_pointer {
+    ($pointer:ty) => {
+        impl<S: RecordSink + ?Sized> RecordSink for $pointer {
+            fn open(&mut self, layout: &RecordLayout) -> Result<(), LinkError> {
+                (**self).open(layout)
+            }
 
-    fn has_room(&mut self) -> Result<bool, LinkError> {
-        (**self).has_room()
-    }
+            fn has_room(&mut self) -> Result<bool, LinkError> {
+                (**self).has_room()
+            }
 
-    fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
-        (**self).sent_and_taken()
-    }
+            fn sent_and_taken(&mut self) -> Result<(u64, u64), LinkError> {
+                (**self).sent_and_taken()
+            }
 
-    #[inline]
-    fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
-        (**self).record(words)
-    }
+            #[inline]
+            fn record(&mut self, words: &[u64]) -> Result<(), LinkError> {
+                (**self).record(words)
+            }
 
-    fn event(&mut self, event: &Event) -> Result<(), LinkError> {
-        (**self).event(event)
-    }
+            fn event(&mut self, event: &Event) -> Result<(), LinkError> {
+                (**self).event(event)
+            }
+        }
+    };
 }
+
+by_pointer!(&mut S);
+by_pointer!(Box<S>);
 
 /// Item received by an observer.
 #[derive(Debug)]

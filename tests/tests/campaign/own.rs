@@ -117,7 +117,7 @@ fn a_case_that_kills_persistent_processes_is_set_aside_and_the_others_complete()
     assert_eq!(answers["lost"], serde_json::json!([3]));
     assert_eq!(
         answers["variants"][0]["classes"],
-        serde_json::json!([11, 0, 0, 0, 1])
+        serde_json::json!([11, 0, 0, 0, 1, 0, 0])
     );
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
 }
@@ -138,7 +138,7 @@ fn a_hanging_plant_is_ended_by_the_wait_limit_and_its_case_retried() {
     assert!(!flag.exists(), "no case hung");
     assert_eq!(
         run.json()["variants"][0]["classes"],
-        serde_json::json!([12, 0, 0, 0, 0])
+        serde_json::json!([12, 0, 0, 0, 0, 0, 0])
     );
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
 }
@@ -160,7 +160,10 @@ fn a_death_between_two_cases_does_not_count_as_an_attempt_of_the_next() {
     let plant = mortal(&rig);
     let study = twelve(&rig, "stumbles", "");
     // Two deaths in the case itself leave it its third attempt; three do not.
-    for (deaths, code, classes) in [(2, 0, [12, 0, 0, 0, 0]), (3, 3, [11, 0, 0, 0, 1])] {
+    for (deaths, code, classes) in [
+        (2, 0, [12, 0, 0, 0, 0, 0, 0]),
+        (3, 3, [11, 0, 0, 0, 1, 0, 0]),
+    ] {
         let folder = with_plant(&rig, &format!("kept{deaths}"), &study, text(&plant));
         rig.write("deaths", &"once more\n".repeat(deaths));
         let run = folder.on("run --jobs 1 --json").expect(code);

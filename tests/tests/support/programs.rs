@@ -56,7 +56,8 @@ impl Profile {
         let mut cargo = Command::new(env!("CARGO"));
         cargo.arg("build").current_dir(workspace());
         cargo.arg("--target-dir").arg(target());
-        cargo.args(["--workspace", "--bins"]);
+        // The library of the Python package is no program.
+        cargo.args(["--workspace", "--bins", "--lib"]);
         if self == Self::Release {
             cargo.arg("--release");
         }

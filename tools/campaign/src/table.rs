@@ -24,6 +24,8 @@ pub(crate) use writer::Writer;
 pub(crate) const CLASS: &str = "class";
 /// Class of a case that was set aside.
 pub(crate) const LOST: &str = "lost";
+/// Class of a case whose fault the check refuses, so that it was not run.
+pub(crate) const NOT_POSSIBLE: &str = "not-possible";
 
 /// Type of the cells of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

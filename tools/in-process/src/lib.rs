@@ -1,6 +1,7 @@
 //! Both sides of a run in one thread, alternating.
 //!
-//! Used by `hil run --link in-process` and by campaigns, for plants, fault kinds and laws that are built into `hil`.
+//! Used by `hil run --link in-process` and by campaigns, for plants, fault kinds and laws that are built into `hil`, and
+//! by sessions in Python, step by step.
 //! Starts no process and never waits for one. A separate package, so that engine and runner of such a run are compiled
 //! once and in one codegen unit.
 
@@ -16,10 +17,12 @@ use plant_process::job::Job as PlantJob;
 use plant_process::plant::PlantKind;
 use plant_process::program::{self, HELD};
 use plant_process::request_queue::RequestQueue;
+use shared_types::describe::Invalid;
 use shared_types::link::LinkError;
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::lockstep::{ControllerEvent, PlantEvent};
 use shared_types::record::RunEnd;
+use shared_types::state::State;
 use shared_types::stream::RecordSink;
 
 /// Plants that are built into `hil`.
@@ -33,7 +36,7 @@ pub static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws
 ///
 /// # Errors
 /// If there is no plant of this name.
-pub fn plant_of(job: &PlantJob) -> Result<&'static PlantKind, String> {
+fn plant_of(job: &PlantJob) -> Result<&'static PlantKind, String> {
     let model = &job.plant.model;
     let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
     kind.ok_or_else(|| format!("hil has no plant `{model}`"))
@@ -52,39 +55,122 @@ pub fn check_plant(job: PlantJob) -> Result<(), String> {
 /// # Errors
 /// If the controller objects to its job.
 pub fn check_controller(job: ControllerJob) -> Result<(), String> {
-    runner(job, pair().1).map(|_| ())
+    let runner = Runner::new(law_of(&job)?, job, pair().1);
+    runner.map(|_| ()).map_err(|e| e.to_string())
 }
 
-fn runner(
-    job: ControllerJob,
-    link: InProcessLink,
-) -> Result<Runner<'static, InProcessLink>, String> {
-    let law = choose(&LAWS, &job.law, &job.plant).map_err(|e| e.to_string())?;
-    Runner::new(law, job, link).map_err(|e| e.to_string())
+fn law_of(job: &ControllerJob) -> Result<&'static LawKind, String> {
+    choose(&LAWS, &job.law, &job.plant).map_err(|e| e.to_string())
+}
+
+/// Plant and law of a run in this process.
+#[derive(Clone, Copy)]
+pub struct Kinds {
+    /// Plant.
+    pub plant: &'static PlantKind,
+    /// Law.
+    pub law: &'static LawKind,
+}
+
+impl Kinds {
+    /// Returns the plant and the law of jobs that are built into `hil`.
+    ///
+    /// # Errors
+    /// If there is no plant or no law of such a name.
+    pub fn built_in(plant: &PlantJob, controller: &ControllerJob) -> Result<Self, String> {
+        Ok(Self {
+            plant: plant_of(plant)?,
+            law: law_of(controller)?,
+        })
+    }
+
+    /// Validates a plant's job as `--check` of its program does.
+    ///
+    /// # Errors
+    /// If the plant objects to its job.
+    pub fn check_plant(self, job: PlantJob) -> Result<(), String> {
+        program::check(self.plant, &FAULTS, job)
+    }
+
+    /// Validates a controller's job as `--check` of its program does.
+    ///
+    /// # Errors
+    /// If the controller objects to its job.
+    pub fn check_controller(self, job: ControllerJob) -> Result<(), String> {
+        let runner = Runner::new(self.law, job, pair().1);
+        runner.map(|_| ()).map_err(|e| e.to_string())
+    }
 }
 
 /// Both sides of a run.
 pub struct Turns<'a> {
-    engine: Engine<InProcessLink, &'a mut dyn RecordSink>,
+    engine: Engine<InProcessLink, Box<dyn RecordSink + 'a>>,
     runner: Runner<'static, InProcessLink>,
 }
 
 impl<'a> Turns<'a> {
-    /// Creates both sides; records go to `sink`.
+    /// Creates both sides of a run of a plant and a law that are built into `hil`; records go to `sink`.
     ///
     /// # Errors
     /// If a side objects to its job.
     pub fn new(
         plant: PlantJob,
         controller: ControllerJob,
-        sink: &'a mut dyn RecordSink,
+        sink: impl RecordSink + 'a,
+    ) -> Result<Self, String> {
+        let kinds = Kinds::built_in(&plant, &controller)?;
+        Self::of(kinds, plant, controller, Box::new(sink))
+    }
+
+    /// Creates both sides of a run; records go to `sink`.
+    ///
+    /// # Errors
+    /// If a side objects to its job.
+    pub fn of(
+        kinds: Kinds,
+        plant: PlantJob,
+        controller: ControllerJob,
+        sink: Box<dyn RecordSink + 'a>,
     ) -> Result<Self, String> {
         let (plant_link, controller_link) = pair();
-        let engine = Engine::new(plant_of(&plant)?, &FAULTS, plant, plant_link, sink);
+        let engine = Engine::new(kinds.plant, &FAULTS, plant, plant_link, sink);
+        let runner = Runner::new(kinds.law, controller, controller_link);
         Ok(Self {
             engine: engine.map_err(|e| e.to_string())?,
-            runner: runner(controller, controller_link)?,
+            runner: runner.map_err(|e| e.to_string())?,
         })
+    }
+
+    /// Sends the controller's hello; call once, before the first [`turn`](Self::turn).
+    ///
+    /// # Errors
+    /// If the link failed.
+    pub fn begin(&mut self) -> Result<(), LinkError> {
+        self.runner.begin()
+    }
+
+    /// Polls each side once, and returns the progress of the plant.
+    ///
+    /// # Errors
+    /// If the link or the record stream failed.
+    #[inline]
+    pub fn turn(&mut self) -> Result<Progress, LinkError> {
+        self.runner.poll()?;
+        self.engine.poll()
+    }
+
+    /// Returns the end of the run; `None` until then.
+    #[must_use]
+    pub const fn end(&self) -> Option<&RunEnd> {
+        self.engine.end()
+    }
+
+    /// Returns the state of plant and controller in a run that is held before a step.
+    ///
+    /// # Errors
+    /// If a side cannot save its state.
+    pub fn states(&mut self) -> Result<[State; 2], Invalid> {
+        Ok([self.engine.state()?, self.runner.state()?])
     }
 
     /// Returns the queue of requests to this run.
@@ -119,16 +205,14 @@ impl<'a> Turns<'a> {
         waiter: &mut Waiter,
         wants_stop: &dyn Fn() -> bool,
     ) -> Result<(), LinkError> {
-        let Self { engine, runner } = self;
-        let queue = engine.queue();
-        runner.begin()?;
+        let queue = self.queue();
+        self.begin()?;
         loop {
             if wants_stop() {
-                engine.interrupt(&PlantEvent::Stop)?;
-                runner.interrupt(&ControllerEvent::Stop)?;
+                self.engine.interrupt(&PlantEvent::Stop)?;
+                self.runner.interrupt(&ControllerEvent::Stop)?;
             }
-            runner.poll()?;
-            match engine.poll()? {
+            match self.turn()? {
                 Progress::Over => return Ok(()),
                 Progress::Busy => waiter.done(),
                 Progress::Until(target_ns) => {
@@ -140,13 +224,14 @@ impl<'a> Turns<'a> {
                 }
                 Progress::Recorder => {
                     if waiter.sleep() {
-                        engine.recorder_late()?;
+                        self.engine.recorder_late()?;
                     }
                 }
                 Progress::Controller | Progress::ControllerUntil(_) => {
                     // Each side has been polled; if still nothing comes, one of them is broken.
                     if waiter.pause() {
-                        engine.interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
+                        self.engine
+                            .interrupt(&PlantEvent::Deadline(waiter.limit().ms()))?;
                     }
                 }
             }

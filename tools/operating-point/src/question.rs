@@ -139,6 +139,7 @@ impl Asker<'_> {
             resume: folder.map(|folder| Resume {
                 step,
                 state: folder.join(state_file(side)),
+                memory: None,
             }),
         }
     }

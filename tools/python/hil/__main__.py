@@ -7,13 +7,13 @@ import sys
 def main() -> None:
     """Executes the program `hil` with the arguments of this process."""
     from .errors import ProgramError
-    from .programs import cannot_start, find
+    from .programs import cannot_start, environment, find
 
     try:
         program = find()
         try:
             # Standard output of Python holds nothing yet that could be lost.
-            os.execv(program, [program, *sys.argv[1:]])
+            os.execve(program, [program, *sys.argv[1:]], environment())
         except OSError as error:
             raise cannot_start(program, error) from error
     except ProgramError as error:

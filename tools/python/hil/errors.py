@@ -5,9 +5,12 @@
     |   +-- UsageError           exit code 2: wrong usage or configuration, nothing was started
     |   +-- InfrastructureError  exit code 3: a process died, a wait timed out, a disk is full
     |   +-- Interrupted          exit code 130: another process interrupted `hil`
-    +-- ProgramError             the program `hil` is missing or cannot be started
+    +-- ProgramError             the program `hil`, or the native part of this package, is missing or cannot be started
+    +-- SessionError             a session cannot be used like this: closed, over, in another thread, after a fork
     +-- RecordingError           a file is not a recording of a run, or a damaged one
-    +-- UnknownSignal            a run has no signal of that name; also a KeyError
+    +-- UnknownSignal            a run or session has no signal of that name; also a KeyError
+    +-- DeclarationError         a class is no sound plant or law; also a TypeError
+    +-- Diverged                 raised by a plant or a law whose equations have left their range
 
 A failed requirement is a result and no exception.
 """
@@ -65,7 +68,11 @@ class Interrupted(CommandError):
 
 
 class ProgramError(Error):
-    """The program `hil` is missing or cannot be started."""
+    """The program `hil`, or the native part of this package, is missing or cannot be started."""
+
+
+class SessionError(Error):
+    """A session cannot be used like this: it is closed or over, or belongs to another thread or process."""
 
 
 class RecordingError(Error):
@@ -73,14 +80,14 @@ class RecordingError(Error):
 
 
 class UnknownSignal(Error, KeyError):
-    """A run has no signal of that name; `nearest` has similar names."""
+    """A run or session has no signal of that name; `nearest` has similar names."""
 
-    def __init__(self, name: str, place: str, names: Iterable[str], note: str = "") -> None:
+    def __init__(self, name: str, place: str, names: Iterable[str], note: str = "", owner: str = "run") -> None:
         from difflib import get_close_matches
 
         self.name = name
         self.nearest: List[str] = get_close_matches(name, list(names))
-        hint = f"nearest: {', '.join(self.nearest)}" if self.nearest else "`run.signals` has all names"
+        hint = f"nearest: {', '.join(self.nearest)}" if self.nearest else f"`{owner}.signals` has all names"
         self._text = f"{place} has no signal `{name}`; {hint}{note}"
         super().__init__(self._text)
 
@@ -89,6 +96,14 @@ class UnknownSignal(Error, KeyError):
 
     def __reduce__(self) -> Any:
         return (_restore, (type(self), self.name, self.nearest, self._text))
+
+
+class DeclarationError(Error, TypeError):
+    """A class is no sound plant or law."""
+
+
+class Diverged(Error):
+    """Raised by a plant or a law: the run ends as diverged, with this reason."""
 
 
 def _restore(kind: type[UnknownSignal], name: str, nearest: List[str], text: str) -> UnknownSignal:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import os
-import re
 from pathlib import Path
 from typing import Any, Iterable, List, Mapping, Optional, Sequence, Union
 
 from .errors import of_exit_code
 from .programs import Output, execute, parsed
 from .result import Run
+from .values import toml
 
 RUNS = "runs"
 SUMMARY = "summary.json"
@@ -92,30 +91,3 @@ def _folder(facts: Mapping[str, Any], out: Optional[Location]) -> Optional[Path]
     folders = [path.parent for path in Path(RUNS).glob(f"*-{session}/{SUMMARY}")]
     # A session of the same name may have run earlier; names begin with the scenario, then the time.
     return max(folders, key=lambda folder: folder.stat().st_mtime_ns, default=None)
-
-
-def toml(value: object) -> str:
-    """Returns a value as TOML, as `--set` takes it."""
-    if isinstance(value, os.PathLike):
-        value = os.fspath(value)
-    tolist = getattr(value, "tolist", None)
-    if callable(tolist):  # of numpy
-        value = tolist()
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        return repr(value)
-    if isinstance(value, str):
-        is_bare = re.fullmatch("[A-Za-z_][A-Za-z0-9_-]*", value) and value not in ("true", "false", "inf", "nan")
-        return value if is_bare else json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-    if isinstance(value, Mapping):
-        pairs = (f"{json.dumps(str(key))} = {_inner(item)}" for key, item in value.items())
-        return "{" + ", ".join(pairs) + "}"
-    if isinstance(value, Iterable):
-        return "[" + ", ".join(map(_inner, value)) + "]"
-    raise TypeError(f"{value!r} cannot be a value of a scenario; use numbers, texts, booleans, lists or mappings")
-
-
-def _inner(value: object) -> str:
-    """Returns a value inside another, where texts need their quotes."""
-    return json.dumps(value, ensure_ascii=False) if isinstance(value, str) else toml(value)

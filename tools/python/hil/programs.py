@@ -7,13 +7,16 @@ and PATH. `hil` finds its other programs beside itself.
 from __future__ import annotations
 
 import os
-from typing import Any, List, NamedTuple, Sequence
+import sys
+from typing import Any, Dict, List, NamedTuple, Sequence
 
 from .errors import ProgramError, of_exit_code
 
 NAME = "hil"
 #: Environment variable with the path of the program.
 VARIABLE = "HIL_BIN"
+#: Environment variable with the interpreter of plants and laws in Python.
+PYTHON = "HIL_PYTHON"
 #: Written in the script that pip makes for the command `hil` of this package.
 ENTRY_POINT = b"hil.__main__"
 
@@ -73,6 +76,12 @@ def cannot_start(program: str, error: OSError) -> ProgramError:
     )
 
 
+def environment() -> Dict[str, str]:
+    """Returns the environment of `hil`, whose plants and laws in Python use this interpreter unless another is named."""
+    own = {PYTHON: sys.executable} if sys.executable else {}
+    return {**own, **os.environ}
+
+
 def execute(arguments: Sequence[str]) -> Output:
     """Runs `hil` to its end and returns its output; Ctrl-C ends `hil` first, which then cleans up."""
     # Not above: the command `hil` of this package needs neither.
@@ -82,7 +91,11 @@ def execute(arguments: Sequence[str]) -> Output:
     command = [find(), *arguments]
     try:
         child = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            env=environment(),
         )
     except OSError as error:
         raise cannot_start(command[0], error) from error

@@ -7,7 +7,7 @@ from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Tuple, Union
+from typing import TYPE_CHECKING, Any, Dict, Iterable, List, Mapping, Optional, Tuple, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,7 @@ from .array import Signal
 from .errors import ProgramError, RecordingError, UnknownSignal
 from .programs import parsed, succeed
 from .recording import ChunkPlace, Recording
+from .verdict import Metric, Verdict
 
 if TYPE_CHECKING:
     import os
@@ -31,27 +32,6 @@ LATEST = "latest"
 
 Names = Union[str, Iterable[str], None]
 Window = Optional[Tuple[float, float]]
-
-
-class Verdict(NamedTuple):
-    """Verdict on a requirement; the numbers are `None` where it was not decided."""
-
-    name: str
-    formula: str
-    verdict: str
-    robustness: Optional[float]
-    unit: str
-    at_s: Optional[float]
-    decided_at_s: Optional[float]
-
-
-class Metric(NamedTuple):
-    """Value of a metric in a window of simulated time; `None` where it has no value."""
-
-    name: str
-    window_s: Tuple[float, float]
-    value: Optional[float]
-    unit: str
 
 
 def open(path: Union[str, "os.PathLike[str]"] = LATEST) -> Run:

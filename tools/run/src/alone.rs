@@ -52,7 +52,7 @@ pub fn refuse_clock(plan: &Plan) -> Result<(), Failure> {
 }
 
 /// Creates the jobs of a plan checked against the [built-in](built_in) descriptions, and the layout of its records.
-fn jobs_of(
+pub(super) fn jobs_of(
     plan: &Plan,
     [plant, controller]: &[Description; 2],
 ) -> Result<(PlantJob, ControllerJob, RecordLayout), Failure> {

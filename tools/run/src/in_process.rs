@@ -6,7 +6,7 @@ use std::time::Duration;
 use hil_console::terminal::exit::Failure;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::ended::EndedRun;
-use hil_in_process::{FAULTS, Turns, check_controller, check_plant, plant_of};
+use hil_in_process::{FAULTS, Kinds, Turns, check_controller, check_plant};
 use hil_session::realtime::{apply, waiter};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
@@ -18,7 +18,7 @@ use shared_types::stream::{self, RecordSink};
 use shared_types::wait::WaitLimit;
 
 use super::attach::refuse_other_layout;
-use super::jobs::{tuned, tuned_plant};
+use super::jobs::objections;
 use super::pause::PauseLookout;
 use super::prepared::PreparedRun;
 use super::realtime::Watched;
@@ -126,19 +126,6 @@ pub(super) fn run(prepared: &PreparedRun, realtime: &mut Watched) -> Result<Ende
     Ok(EndedRun::new(recorded, outcome, reason))
 }
 
-/// Judges parameters of plant and law by starting each side with them.
-fn objections(
-    plant: plant_process::job::Job,
-    job: controller_process::job::Job,
-) -> live::Objections {
-    Box::new(move |question| {
-        if question.epoch == 0 {
-            return check_plant(tuned_plant(plant.clone(), &question.parameters));
-        }
-        check_controller(tuned(job.clone(), &question.parameters))
-    })
-}
-
 /// Polls both sides in turns until the end of the run.
 fn take_turns(
     session: &SessionInfo,
@@ -148,8 +135,9 @@ fn take_turns(
     supervision: &Supervision,
 ) -> Result<RunEnd, String> {
     let (limit, settings) = (WaitLimit::from_seconds(plant.wait_limit_s), plant.realtime);
-    let context = LiveContext::new(plant_of(&plant)?, &FAULTS, &plant);
-    let objections = objections(plant.clone(), controller.clone());
+    let kinds = Kinds::built_in(&plant, &controller)?;
+    let context = LiveContext::new(kinds.plant, &FAULTS, &plant);
+    let objections = objections(kinds, plant.clone(), controller.clone());
     let turns = Turns::new(plant, controller, &mut sink)?;
     let (queue, builder) = (turns.queue(), turns.builder());
     let _listening = live::serve(session, context, queue, builder, objections)?;

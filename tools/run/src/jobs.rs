@@ -5,8 +5,10 @@ use hil_config::plan::{Clock, ControllerPlan, Plan, law_keys, settings_after};
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_in_process::Kinds;
 use hil_session::asking;
 use hil_session::session::SessionInfo;
+use plant_process::live::Objections;
 use serde::Serialize;
 use shared_types::checkpoint::Checkpoints;
 use shared_types::describe;
@@ -123,6 +125,20 @@ pub(super) fn tuned_plant(
         job.plant.parameters.set(name, value.0);
     }
     job
+}
+
+/// Judges parameters of plant and law of a run in this process by starting each side with them.
+pub(super) fn objections(
+    kinds: Kinds,
+    plant: plant_process::job::Job,
+    controller: controller_process::job::Job,
+) -> Objections {
+    Box::new(move |question| {
+        if question.epoch == 0 {
+            return kinds.check_plant(tuned_plant(plant.clone(), &question.parameters));
+        }
+        kinds.check_controller(tuned(controller.clone(), &question.parameters))
+    })
 }
 
 /// Writes a job to the session's folder and has its program check it.

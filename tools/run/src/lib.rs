@@ -16,7 +16,7 @@
 //! [`realtime`] applies the settings of `hil` itself, and [`open_files`] ensures a sufficient limit of open files.
 //!
 //! For large numbers of runs, [`alone`] executes a run in one thread with neither session nor folder, and [`kept`]
-//! reuses the processes of one run for the next.
+//! reuses the processes of one run for the next. [`stepped`] holds a run in this thread before any step.
 
 #![expect(
     rustdoc::private_intra_doc_links,
@@ -49,6 +49,7 @@ pub mod recorder;
 mod restoration;
 pub mod settings;
 pub mod side;
+pub mod stepped;
 pub mod swap;
 mod tables;
 mod termination;

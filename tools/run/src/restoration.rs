@@ -134,6 +134,7 @@ impl SecondSides<'_> {
             resume: Some(Resume {
                 step: Step(self.stretch.first),
                 state: self.folder.join(state_file(side)),
+                memory: None,
             }),
         };
         let live = &self.recorded.faults.accepted[..self.stretch.accepted];

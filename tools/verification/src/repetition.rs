@@ -7,7 +7,7 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use hil_config::plan::{Change, Clock, Condition, FaultEnd, FaultEvent, Realtime, Trigger};
+use hil_config::plan::{Change, Clock, Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
 use hil_config::show;
 use hil_console::files::part_file;
 use hil_console::terminal::exit::{Exit, Failure};
@@ -20,6 +20,7 @@ use hil_facts::results::recorded_run::RecordedRun;
 use hil_facts::results::resumed::{CHANGED_FAULTS, CHECK};
 use hil_recording::reader::{ReadError, RunReader};
 use plant_process::repeat::Missed;
+use shared_types::describe::{Description, PlantDescription};
 use shared_types::record::{
     ControllerChange, ControllerFate, Event, FaultBegun, FaultEnded, Outcome, ValueChange,
 };
@@ -189,13 +190,7 @@ impl RecordedScenario {
             plant,
             ..
         } = &self.recorded;
-        let mut plan = self.recorded.plan.clone();
-        let rate = plan.run.rate;
-        plan.programs = self.programs.programs();
-        let removed = without_cleared(&mut plan.faults, &self.log);
-        let (plants, laws) = (&plant_program.plants, &controller_program.laws);
-        let kinds = &plant_program.faults;
-        let mut text = format!(
+        let mut head = format!(
             "# Repeats session `{}` of {}, including live interventions.\n",
             comment(&self.session),
             comment(&self.started)
@@ -204,7 +199,7 @@ impl RecordedScenario {
             for (role, path) in self.programs.named() {
                 // Writing to a string cannot fail.
                 let _ = writeln!(
-                    text,
+                    head,
                     "# Recorded by another user or elsewhere with the {} program {}; `{}` chooses the program to run.",
                     role.side,
                     comment(&path.display().to_string()),
@@ -212,6 +207,51 @@ impl RecordedScenario {
                 );
             }
         }
+        let interventions = Interventions {
+            log: &self.log,
+            changes: &self.live_changes,
+        };
+        let plan = Plan {
+            programs: self.programs.programs(),
+            ..self.recorded.plan.clone()
+        };
+        let text =
+            interventions.scenario(head, plan, plant, [plant_program, controller_program])?;
+        checked(
+            &text,
+            Path::new("the scenario of the run"),
+            plant_program,
+            controller_program,
+        )?;
+        Ok(text)
+    }
+}
+
+/// Live faults and changes of a run.
+pub struct Interventions<'a> {
+    /// Faults of the run.
+    pub log: &'a FaultLog,
+    /// Changes of values that were requested during the run.
+    pub changes: &'a [ValueChange],
+}
+
+impl Interventions<'_> {
+    /// Returns the scenario that repeats the run of a plan with these interventions, below the comments in `head`.
+    ///
+    /// # Errors
+    /// If the plan does not belong to the plant and the described programs.
+    pub fn scenario(
+        &self,
+        head: String,
+        mut plan: Plan,
+        plant: &PlantDescription,
+        [plant_program, controller_program]: [&Description; 2],
+    ) -> Result<String, Failure> {
+        let rate = plan.run.rate;
+        let removed = without_cleared(&mut plan.faults, self.log);
+        let (plants, laws) = (&plant_program.plants, &controller_program.laws);
+        let kinds = &plant_program.faults;
+        let mut text = head;
         for event in removed {
             // Writing to a string cannot fail.
             let _ = writeln!(
@@ -223,7 +263,7 @@ impl RecordedScenario {
         }
         let scenario = plan.changes.len();
         plan.changes
-            .extend((1..).zip(&self.live_changes).map(|(id, live)| Change {
+            .extend((1..).zip(self.changes).map(|(id, live)| Change {
                 id: scenario as u32 + id,
                 step: Some(Step(live.step)),
                 ramp_steps: live.ramp_steps,
@@ -236,7 +276,7 @@ impl RecordedScenario {
         live.sort_by_key(|live| live.event.id);
         for fault in live {
             let request = comment(&request_text(fault, rate));
-            match resolved(fault, &self.log, rate) {
+            match resolved(fault, self.log, rate) {
                 Some(event) => {
                     let toml =
                         show::fault_toml(&event, plant, kinds, rate).map_err(Failure::usage)?;
@@ -247,12 +287,6 @@ impl RecordedScenario {
                 }
             }
         }
-        checked(
-            &text,
-            Path::new("the scenario of the run"),
-            plant_program,
-            controller_program,
-        )?;
         Ok(text)
     }
 }

@@ -18,6 +18,7 @@ pub mod offline_page;
 pub(crate) mod pages;
 pub mod panel;
 pub mod plots;
+pub mod prefix;
 pub mod report;
 pub mod table_file;
 pub mod values;

@@ -10,6 +10,7 @@
 
 mod data;
 pub(crate) mod envelope;
+mod first;
 pub(crate) mod grid;
 mod label;
 pub(crate) mod page;

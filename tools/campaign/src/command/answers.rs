@@ -2,7 +2,7 @@
 //! correlations and the study's goals.
 //!
 //! Bounds are given only for independent draws. A diverged case has not passed and ranks below any other case; an
-//! undecided case has not passed either and has a class of its own. A case that was set aside could have any outcome,
+//! undecided or vacuous case has not passed either and has a class of its own. A case that was set aside could have any outcome,
 //! so no bounds are given in that case.
 
 mod gathered;
@@ -12,10 +12,10 @@ use crate::collect::Collected;
 use crate::manifest::Manifest;
 use crate::rank::Order;
 use crate::sensitivity::Indices;
-use crate::table::{CLASS, Column, LOST, Row};
+use crate::table::{CLASS, Column, LOST, NOT_POSSIBLE, Row};
 use crate::{order, rank, sensitivity};
 use hil_config::study::{Goal, Sampling, Spread, Study, Varied};
-use hil_facts::results::requirements;
+use hil_facts::results::requirements::{self, VACUOUS};
 use serde::Serialize;
 use shared_types::table::number;
 
@@ -23,7 +23,28 @@ use gathered::Cases;
 pub(super) use gathered::Gathered;
 
 /// Classes of cases.
-pub(super) const CLASSES: [&str; 5] = ["pass", "fail", "diverged", "undecided", LOST];
+pub(super) const CLASSES: [&str; 7] = [
+    "pass",
+    "fail",
+    "diverged",
+    "undecided",
+    LOST,
+    VACUOUS,
+    NOT_POSSIBLE,
+];
+/// Index of [`LOST`], which unknown classes count as.
+const LOST_PLACE: usize = 4;
+/// Number of classes that every table shows; the others appear where they have cases.
+const SHOWN_ALWAYS: usize = 5;
+
+/// Returns the indices of the classes to display.
+pub(super) fn shown_classes(variants: &[VariantAnswer]) -> Vec<usize> {
+    let has_cases = |place: &usize| variants.iter().any(|one| one.classes[*place] > 0);
+    (0..CLASSES.len())
+        .filter(|place| *place < SHOWN_ALWAYS || has_cases(place))
+        .collect()
+}
+
 /// Returns the class names to display: cases without a requirement are not called a pass.
 pub(super) fn classes_in_words(requirements: usize) -> [&'static str; CLASSES.len()] {
     CLASSES.map(|class| requirements::in_words(class, requirements))
@@ -80,7 +101,7 @@ pub(super) struct BoundsAnswer {
 pub(super) struct VariantAnswer {
     pub(super) name: String,
     /// Number of cases of each class, in the order of [`CLASSES`].
-    pub(super) classes: [u64; 5],
+    pub(super) classes: [u64; CLASSES.len()],
     pub(super) passes: Share,
     pub(super) requirements: Vec<RequirementAnswer>,
     /// First few cases that diverged.
@@ -168,7 +189,7 @@ pub(super) fn class_of<'a>(manifest: &Manifest, row: &'a Row) -> &'a str {
 /// Returns the index of a class in [`CLASSES`]; unknown classes count as lost.
 pub(super) fn place_of(class: &str) -> usize {
     let known = CLASSES.iter().position(|known| *known == class);
-    known.unwrap_or(CLASSES.len() - 1)
+    known.unwrap_or(LOST_PLACE)
 }
 
 /// Computes the results of a campaign from its cases.
@@ -214,7 +235,7 @@ pub(super) fn margin(verdict: &str, class: &str, robustness: f64) -> f64 {
     match verdict {
         _ if class == "diverged" => f64::NEG_INFINITY,
         "fail" if robustness.is_nan() => f64::NEG_INFINITY,
-        "pass" if robustness.is_nan() => f64::INFINITY,
+        "pass" | VACUOUS if robustness.is_nan() => f64::INFINITY,
         _ => robustness,
     }
 }
@@ -227,7 +248,8 @@ fn answer(
     requirements: &[(String, String)],
     is_sure: bool,
 ) -> VariantAnswer {
-    let of = cases.case.len() as u64;
+    let not_possible = cases.classes[place_of(NOT_POSSIBLE)];
+    let of = cases.case.len() as u64 - not_possible;
     let can_fail = !requirements.is_empty();
     let confidence = is_sure.then_some(study.confidence);
     let ranks: Vec<Vec<f64>> = cases

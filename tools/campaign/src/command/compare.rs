@@ -7,7 +7,7 @@ use hil_console::terminal::output;
 use crate::folder::Folder;
 use crate::manifest::Manifest;
 use crate::mcnemar;
-use crate::table::{CLASS, LOST};
+use crate::table::{CLASS, LOST, NOT_POSSIBLE};
 use serde::Serialize;
 use shared_types::number::{counted, short};
 
@@ -86,7 +86,7 @@ struct Case {
     values: blake3::Hash,
     /// Index of the case's variant.
     variant: usize,
-    /// Verdict; `None` if the case was set aside.
+    /// Verdict; `None` if the case was set aside or is not possible.
     passes: Option<bool>,
 }
 
@@ -118,7 +118,7 @@ fn cases(folder: &Folder) -> Result<(Vec<Case>, Vec<String>), Failure> {
             all.push(Case {
                 values: blake3::hash(&fed),
                 variant,
-                passes: (class != LOST).then_some(class == "pass"),
+                passes: (![LOST, NOT_POSSIBLE].contains(&class)).then_some(class == "pass"),
             });
         }
     })?;

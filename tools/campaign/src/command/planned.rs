@@ -116,12 +116,23 @@ fn programs(path: &Path, manifest: &Manifest) -> Result<Vec<PathBuf>, Failure> {
         .flatten()
         .chain(manifest.both().into_iter().flatten());
     let mut all: Vec<PathBuf> = own.map(|copy| path.join(&copy.path)).collect();
-    let entries = fs::read_dir(path.join(PROGRAMS))
-        .map_err(|error| Failure::usage(format!("{}: {error}", path.join(PROGRAMS).display())))?;
-    for entry in entries {
-        all.push(entry.map_err(Failure::infrastructure)?.path());
-    }
+    append_files(&path.join(PROGRAMS), &mut all)?;
     Ok(all)
+}
+
+/// Appends all files in a folder and below: a Python file and the package that runs it have folders of their own.
+fn append_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), Failure> {
+    let entries = fs::read_dir(folder)
+        .map_err(|error| Failure::usage(format!("{}: {error}", folder.display())))?;
+    for entry in entries {
+        let path = entry.map_err(Failure::infrastructure)?.path();
+        let metadata = fs::symlink_metadata(&path).map_err(Failure::infrastructure)?;
+        match metadata.is_dir() {
+            true => append_files(&path, files)?,
+            false => files.push(path),
+        }
+    }
+    Ok(())
 }
 
 fn foreign(folder: &Folder, why: &str) -> Failure {

@@ -11,7 +11,7 @@ use hil_facts::arguments::run::LinkKind;
 use hil_facts::programs::binaries::Binaries;
 use hil_facts::results::curve::{Curve, Grid};
 use hil_facts::results::ended::EndedRun;
-use hil_facts::results::requirements::{Requirement, RunVerdict};
+use hil_facts::results::requirements::{Requirement, RunVerdict, VACUOUS};
 use hil_facts::results::summary::Metric;
 use hil_run::settings::Settings;
 use hil_run::{Environment, Origin};
@@ -135,7 +135,7 @@ impl CaseResult {
         let number = |value: Option<f64>| Cell::number(value.unwrap_or(f64::NAN));
         let mut row = vec![Cell::Text(self.class.into()), Cell::Count(self.steps)];
         for requirement in &self.requirements {
-            row.push(Cell::Text(requirement.verdict.into()));
+            row.push(Cell::Text(requirement.outcome().into()));
             row.push(number(requirement.robustness));
         }
         row.extend(self.metrics.iter().map(|metric| number(metric.value)));
@@ -151,11 +151,12 @@ fn class(
     requirements: &[Requirement],
     reason: Option<&str>,
 ) -> Result<&'static str, Failure> {
-    let any = |verdict| requirements.iter().any(|one| one.verdict == verdict);
+    let any = |outcome| requirements.iter().any(|one| one.outcome() == outcome);
     match outcome {
         Outcome::Diverged => Ok("diverged"),
         Outcome::Completed if any("fail") => Ok("fail"),
         Outcome::Completed if any("undecided") => Ok("undecided"),
+        Outcome::Completed if any(VACUOUS) => Ok(VACUOUS),
         Outcome::Completed => Ok("pass"),
         Outcome::Failed | Outcome::Stopped => Err(Failure::infrastructure(
             reason.unwrap_or("the run gave no reason"),

@@ -137,24 +137,22 @@ fn write(text: &mut String, answers: &Answers, folder_text: &str) -> std::fmt::R
 }
 
 fn classes(text: &mut String, answers: &Answers) -> std::fmt::Result {
-    let columns = [
-        left(0),
-        right(6),
-        right(6),
-        right(8),
-        right(9),
-        right(4),
-        right(8),
-        left(0),
-    ];
+    let words = answers::classes_in_words(answers.requirements());
+    let shown = answers::shown_classes(&answers.variants);
+    let widths = [6, 6, 8, 9, 4, 7, 12];
+    let mut columns = vec![left(0)];
+    columns.extend(shown.iter().map(|place| right(widths[*place])));
+    columns.extend([right(8), left(0)]);
     let mut table = Table::new(2, columns);
     let head = ["variant"]
         .into_iter()
-        .chain(answers::classes_in_words(answers.requirements()))
+        .chain(shown.iter().map(|place| words[*place]))
         .chain(["passes", "probability"]);
     table.cells(head);
     for variant in &answers.variants {
-        let counts = variant.classes.map(|count| count.to_string());
+        let counts = shown
+            .iter()
+            .map(|place| variant.classes[*place].to_string());
         let share = percent(variant.passes);
         let cells = [variant.name.clone()].into_iter().chain(counts);
         table.cells(cells.chain([share, bounds(variant.passes)]));

@@ -97,6 +97,11 @@ impl Interruption {
         Ok(Self(flag))
     }
 
+    /// Sets the flag as a signal does, for callers that have handlers of their own.
+    pub fn request(&self) {
+        self.0.store(true, Ordering::Release);
+    }
+
     /// Returns `true` if a signal has arrived.
     #[must_use]
     pub fn came(&self) -> bool {

@@ -31,6 +31,7 @@ use shared_types::number::{exact, exact_in};
 use shared_types::side::Side;
 use shared_types::time::Step;
 
+use crate::programs::binaries::host::ModelKind;
 use crate::programs::binaries::{Binaries, Binary};
 use crate::results::restoration::Check;
 use crate::results::resumed::MadeCheckpoint;
@@ -125,10 +126,13 @@ pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failur
     Ok(steps)
 }
 
-/// Attribute that an FMU must declare to save its state, if the program is an FMU.
-fn state_of_fmu(binary: &Binary) -> Option<&'static str> {
+/// What a model must declare to save its state, if the program is a model.
+fn state_of_model(binary: &Binary) -> Option<&'static str> {
     let imported = binary.description.imported.as_ref()?;
-    binary.host.as_ref()?;
+    let host = binary.host.as_ref()?;
+    if host.kind == ModelKind::Python {
+        return Some("`state=` in its decorator, or `save` and `restore`");
+    }
     Some(match imported.format.starts_with("FMI 2") {
         true => "`canGetAndSetFMUstate` and `canSerializeFMUstate` in its model description",
         false => "`canGetAndSetFMUState` and `canSerializeFMUState` in its model description",
@@ -149,7 +153,7 @@ pub fn refuse_unsaveable(plan: &Plan, binaries: &Binaries) -> Result<(), Failure
         (&binaries.plant, "`Plant::state`"),
         (&binaries.controller, "`Controller::state`"),
     ]
-    .map(|(binary, own)| state_of_fmu(binary).unwrap_or(own));
+    .map(|(binary, own)| state_of_model(binary).unwrap_or(own));
     let (plants, laws, kinds) = binaries.described();
     if !plan.plant_among(plants).is_some_and(|plant| plant.saves) {
         return cannot(format!("plant `{}`", plan.plant.model), plant_needs);

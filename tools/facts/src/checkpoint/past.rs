@@ -183,6 +183,7 @@ impl Past {
             resume: Some(Resume {
                 step: self.first(),
                 state: self.folder.join(&saved.file),
+                memory: None,
             }),
             ..others.clone()
         }

@@ -35,6 +35,7 @@ mod file;
 pub mod host;
 mod local_map;
 pub mod named;
+mod python;
 pub mod reached;
 pub mod seal;
 pub mod trusted;
@@ -267,6 +268,17 @@ impl Binary {
     pub fn permissions(&self) -> Permissions {
         let host = self.host.as_ref();
         host.map_or_else(Permissions::default, |host| host.permissions)
+    }
+
+    /// Returns the modules beside a Python file that it imports, as files with their places relative to its folder.
+    ///
+    /// # Errors
+    /// If a folder of a module cannot be read.
+    pub fn modules_beside(&self) -> Result<Vec<(PathBuf, PathBuf)>, Failure> {
+        let imported = self.description.imported.as_ref();
+        let modules = imported.map_or(&[][..], |imported| &imported.modules);
+        let names = modules.iter().map(|module| &*module.name);
+        python::modules_beside(&self.path, names).map_err(Failure::usage)
     }
 
     /// Returns `true` if equal runs of the binary give equal records: `false` for a port whose file says otherwise.

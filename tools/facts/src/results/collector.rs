@@ -11,6 +11,7 @@ use crate::results::latency::legs::Latency;
 use crate::results::recorded::Recorded;
 
 /// Facts of a run being collected.
+#[derive(Clone)]
 pub struct Collector {
     /// Steps of the run; 0 if its scenario is invalid.
     steps: u64,

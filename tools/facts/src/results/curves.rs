@@ -9,6 +9,7 @@ use shared_types::record::RecordLayout;
 use shared_types::time::{Rate, Step};
 
 /// Recorder of a curve.
+#[derive(Clone)]
 pub struct CurveTaker {
     grid: Arc<Grid>,
     rate: Rate,

@@ -30,6 +30,9 @@ pub struct Requirement {
     pub at_s: Option<f64>,
     /// Time at which the verdict became certain.
     pub decided_at_s: Option<f64>,
+    /// Premise that never called for its conclusion, so that the pass shows nothing; `None` for any other result.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub vacuous: Option<String>,
     /// Identifiers by which other documents know the requirement.
     #[serde(flatten)]
     pub trace: Trace,
@@ -45,9 +48,28 @@ impl From<&RequirementValue> for Requirement {
             unit: value.unit.clone(),
             at_s: value.at_s,
             decided_at_s: value.decided_at_s,
+            vacuous: value.vacuous.clone(),
             trace: value.trace.clone(),
         }
     }
+}
+
+/// Word for a requirement that passed although its conclusion was never called for.
+pub const VACUOUS: &str = "vacuous";
+
+impl Requirement {
+    /// Returns the word for tables and evidence: the verdict, or `vacuous` for a pass that shows nothing.
+    pub const fn outcome(&self) -> &'static str {
+        match self.vacuous {
+            Some(_) => VACUOUS,
+            None => self.verdict,
+        }
+    }
+}
+
+/// Explains a vacuous pass by its premise.
+pub fn why_vacuous(premise: &str) -> String {
+    format!("vacuous: `{premise}` never called for its conclusion")
 }
 
 /// Verdict of a run.
@@ -124,7 +146,7 @@ pub fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Resul
         "decided [s]",
     ]);
     for one in requirements {
-        let verdict = match one.verdict {
+        let verdict = match one.outcome() {
             "fail" => "FAIL",
             other => other,
         };
@@ -142,6 +164,9 @@ pub fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Resul
         ]);
         if one.verdict != "pass" {
             table.line(format!("    {}", one.formula));
+        }
+        if let Some(premise) = &one.vacuous {
+            table.line(format!("    {}", why_vacuous(premise)));
         }
     }
     writeln!(text, "{table}")

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 
 pub(super) const EXAMPLES: &str = "\
-A plant or a controller is a crate, or a program in C with a Makefile, with a test and a scenario that runs it;
-a scenario is a file whose requirements are its test. Nothing is overwritten.
+A plant or a controller is a crate, a program in C with a Makefile, or a class in Python, with a test and a scenario
+that runs it; a scenario is a file whose requirements are its test. Nothing is overwritten.
 
 Examples:
   hil new plant cart && cd cart
@@ -14,6 +14,7 @@ Examples:
 
   hil new controller ../my-law
   hil new plant motor --lang c && cd motor && make test && make && hil run motor.toml
+  hil new plant motor --lang python && cd motor && python3 -m unittest && hil run motor.toml
   hil new scenario gust
   hil new plant motor --framework ~/hil";
 
@@ -44,6 +45,8 @@ pub enum Language {
     Rust,
     /// C11 with a Makefile.
     C,
+    /// Class in a file that an interpreter runs.
+    Python,
 }
 
 /// Kinds of projects.

@@ -18,7 +18,7 @@ use hil_facts::programs::binaries::named::{CONTROLLER, Named, PLANT};
 use hil_facts::programs::binaries::{Binary, Choices};
 use serde_json::json;
 use shared_types::describe::{
-    Description, Imported, LawDescription, LibraryNeeds, PlantDescription,
+    Description, Imported, ImportedModule, LawDescription, LibraryNeeds, PlantDescription,
 };
 use shared_types::number::exact;
 use shared_types::table::Field;
@@ -138,7 +138,9 @@ fn write_all(text: &mut String, file: &str, description: &Description) -> Writte
     }
     if let Some(imported) = imported {
         write_imported(text, imported, plants.is_empty())?;
-    } else if !faults.is_empty() {
+    }
+    let is_of_another_tool = imported.as_ref().is_some_and(|one| one.modules.is_empty());
+    if !is_of_another_tool && !faults.is_empty() {
         let kinds: Vec<&str> = faults.iter().map(|fault| fault.kind.as_str()).collect();
         writeln!(
             text,
@@ -286,6 +288,18 @@ fn write_imported(text: &mut String, imported: &Imported, is_law: bool) -> Writt
     }
     for note in &imported.notes {
         writeln!(text, "  {note}")?;
+    }
+    if !imported.modules.is_empty() {
+        writeln!(text, "\nimported modules:")?;
+    }
+    for module in &imported.modules {
+        let ImportedModule {
+            name,
+            version,
+            blake3,
+        } = module;
+        let version = if version.is_empty() { "-" } else { version };
+        writeln!(text, "  {name} {version} {blake3}")?;
     }
     match &imported.library {
         Some(library) => write_library(text, library),

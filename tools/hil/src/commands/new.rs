@@ -67,6 +67,11 @@ const RESERVED: [&str; 44] = [
     "type",
     "use",
 ];
+/// Program of the other side, in the scenario of a project in Python.
+const OTHER_IN_PYTHON: &str = "../its-folder/its-file.py";
+/// Sentence of a project in Python that is made from a clone.
+const OF_CLONE: &str =
+    "\nIn a clone that is `export PYTHONPATH=@FRAMEWORK@/tools/python`, with `hil` on the path.";
 /// Maximum length of a name in bytes.
 const LONGEST: usize = 40;
 
@@ -98,12 +103,17 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let place = parent.canonicalize().map_err(cannot)?.join(name);
     refuse_odd(&place)?;
     let is_in_c = arguments.lang == Language::C;
-    if is_in_c && arguments.what == What::Scenario {
+    let is_in_python = arguments.lang == Language::Python;
+    if arguments.lang != Language::Rust && arguments.what == What::Scenario {
         let wrong = "--lang applies to a plant or a controller, not to a scenario";
         return Err(Failure::usage(wrong));
     }
     let framework = match arguments.what {
         What::Scenario => None,
+        // A wheel is enough.
+        What::Plant | What::Controller if is_in_python && arguments.framework.is_none() => {
+            framework(None).ok()
+        }
         What::Plant | What::Controller => Some(framework(arguments.framework.as_deref())?),
     };
     if let Some(folder) = framework.as_ref().filter(|_| is_in_c)
@@ -115,6 +125,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let files = match arguments.lang {
         Language::Rust => files(arguments.what),
         Language::C => files_in_c(arguments.what),
+        Language::Python => files_in_python(arguments.what),
     };
     let relative = framework.as_ref().map(|root| relative(root, &place));
     let relative = relative.map_or_else(String::new, |path| path.display().to_string());
@@ -125,19 +136,27 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     };
     for (file, template) in files {
         let file = file.replace("@NAME@", name);
-        // A program in C lies beside its source.
-        let template = match is_in_c && file.ends_with(".toml") {
-            true => template.replace("target/release/", ""),
-            false => template.to_owned(),
+        let template = match (arguments.lang, file.ends_with(".toml")) {
+            // A program in C lies beside its source.
+            (Language::C, true) => template.replace("target/release/", ""),
+            (Language::Python, true) => template
+                .replace(
+                    "target/release/@NAME@",
+                    &format!("{}.py", arguments.what.name()),
+                )
+                .replace("../its-folder/target/release/its-name", OTHER_IN_PYTHON),
+            _ => template.to_owned(),
         };
         let text = template
             .replace("@NAME@", name)
             .replace("@KIND@", arguments.what.name())
+            .replace("@CLONE@", if relative.is_empty() { "" } else { OF_CLONE })
             .replace("@FRAMEWORK@", &relative);
         write(&part.path().join(&file), &text).map_err(cannot)?;
         project.files.push(file);
     }
-    if let Some(framework) = framework.as_ref().filter(|_| !is_in_c) {
+    let is_in_rust = arguments.lang == Language::Rust;
+    if let Some(framework) = framework.as_ref().filter(|_| is_in_rust) {
         // Versions with which the framework was tested.
         let (from, to) = (framework.join("Cargo.lock"), part.path().join("Cargo.lock"));
         fs::copy(&from, to).map_err(cannot)?;
@@ -147,6 +166,7 @@ pub(crate) fn new(arguments: &NewArguments) -> Result<Exit, Failure> {
     let next = match arguments.what {
         What::Scenario => "",
         What::Plant | What::Controller if is_in_c => "  make test\n  make\n",
+        What::Plant | What::Controller if is_in_python => "  python3 -m unittest\n",
         What::Plant | What::Controller => "  cargo test --release\n  cargo build --release\n",
     };
     output::result(arguments.json, &project, || {
@@ -236,6 +256,33 @@ fn files_in_c(what: What) -> Vec<(&'static str, &'static str)> {
         ("@NAME@.toml", scenario),
         ("README.md", include_str!("new/program_c.md.txt")),
         (".gitignore", "/@NAME@\n/@NAME@_test\n/runs\n/target\n"),
+    ]
+}
+
+/// Returns the files of a project in Python with their templates. They are not named after the project, because a
+/// module beside them could have that name.
+fn files_in_python(what: What) -> Vec<(&'static str, &'static str)> {
+    let (code, test, scenario) = match what {
+        What::Controller => (
+            ("controller.py", include_str!("new/controller.py.txt")),
+            (
+                "test_controller.py",
+                include_str!("new/controller_test.py.txt"),
+            ),
+            include_str!("new/controller.toml.txt"),
+        ),
+        What::Plant | What::Scenario => (
+            ("plant.py", include_str!("new/plant.py.txt")),
+            ("test_plant.py", include_str!("new/plant_test.py.txt")),
+            include_str!("new/plant.toml.txt"),
+        ),
+    };
+    vec![
+        code,
+        test,
+        ("@NAME@.toml", scenario),
+        ("README.md", include_str!("new/program_python.md.txt")),
+        (".gitignore", "__pycache__\n/runs\n"),
     ]
 }
 

@@ -4,6 +4,7 @@
 use std::time::Duration;
 
 use hil_console::terminal::exit::Failure;
+use hil_facts::results::requirements::why_vacuous;
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use shared_types::number::short_in;
 
@@ -69,7 +70,10 @@ fn suite_of(run: &RecordedRun) -> TestSuite {
 
 fn case_of(run: &RecordedRun, test: &Test) -> TestCase {
     let mut status = TestCaseStatus::success();
-    if test.verdict != "pass" {
+    if let Some(premise) = &test.vacuous {
+        status = TestCaseStatus::skipped();
+        status.set_message(why_vacuous(premise));
+    } else if test.verdict != "pass" {
         let margin =
             (test.robustness).map_or_else(|| "none".into(), |margin| short_in(margin, &test.unit));
         status = TestCaseStatus::non_success(NonSuccessKind::Failure);

@@ -57,7 +57,7 @@ fn need(id: &str, run: &RecordedRun, test: &Test) -> Value {
         "id": id,
         "type": "test",
         "title": format!("{}: {}", run.scenario, test.name),
-        "status": test.verdict,
+        "status": test.outcome(),
         "links": test.verifies,
         "tags": [run.evidence],
         "content": format!(

@@ -75,7 +75,7 @@ pub(super) fn of(
 fn row<'a>(run: &'a RecordedRun, test: &'a Test) -> Row<'a> {
     let program = |program: &super::run::Program| format!("{} {}", program.binary, program.blake3);
     Row {
-        verdict: &test.verdict,
+        verdict: test.outcome(),
         test_id: test.id.as_deref().unwrap_or_default(),
         test: &test.name,
         robustness: test.robustness,

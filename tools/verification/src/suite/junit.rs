@@ -4,7 +4,7 @@
 use std::time::Duration;
 
 use hil_console::terminal::exit::{Exit, Failure};
-use hil_facts::results::requirements::Requirement;
+use hil_facts::results::requirements::{Requirement, why_vacuous};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 use shared_types::number::short_in;
 
@@ -91,10 +91,15 @@ fn case_of(row: &Row, requirement: &Requirement) -> TestCase {
         robustness,
         unit,
         at_s,
+        vacuous,
         ..
     } = requirement;
     let is_aborted = !matches!(row.exit, Exit::Pass | Exit::Failed);
-    let status = if *verdict == "pass" {
+    let status = if let Some(premise) = vacuous {
+        let mut status = TestCaseStatus::skipped();
+        status.set_message(why_vacuous(premise));
+        status
+    } else if *verdict == "pass" {
         TestCaseStatus::success()
     } else if *verdict == "undecided" && is_aborted {
         // The error of the run explains it.
@@ -147,6 +152,7 @@ mod tests {
             unit: "m".into(),
             at_s: None,
             decided_at_s: None,
+            vacuous: None,
             trace: Trace::default(),
         }
     }

@@ -66,7 +66,7 @@ fn begun(run: &BegunRun, summary: &Value) -> Begun {
     let requirements = summary["requirements"]
         .as_array()
         .map_or(&[][..], Vec::as_slice);
-    let has_passed = |one: &&Value| one["verdict"] == "pass";
+    let has_passed = |one: &&Value| one["verdict"] == "pass" && one["vacuous"].is_null();
     Begun {
         passed: requirements.iter().filter(has_passed).count(),
         requirements: requirements.len(),

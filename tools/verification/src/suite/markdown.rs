@@ -33,7 +33,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
         let summary = row.ran.as_ref().map(|ran| &ran.summary);
         let passed = summary.map_or_else(String::new, |summary| {
             let all = &summary.requirements;
-            let passed = all.iter().filter(|one| one.verdict == "pass").count();
+            let passed = all.iter().filter(|one| one.outcome() == "pass").count();
             format!("{passed} of {}", all.len())
         });
         let digest = summary.and_then(|summary| summary.digest.as_deref());
@@ -69,7 +69,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
                 text,
                 "| {} | **{}** | {margin} | {at_s} | `{}` |",
                 cell(&one.name),
-                one.verdict,
+                one.outcome(),
                 cell(&one.formula)
             )?;
         }

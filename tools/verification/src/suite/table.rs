@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
-use hil_facts::results::requirements::WITHOUT_REQUIREMENTS;
+use hil_facts::results::requirements::{WITHOUT_REQUIREMENTS, why_vacuous};
 use shared_types::number::short_in;
 
 use super::case::Row;
@@ -39,7 +39,7 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             (Some(ran), _) => {
                 let summary = &ran.summary;
                 let requirements = &summary.requirements;
-                let passed = requirements.iter().filter(|one| one.verdict == "pass");
+                let passed = requirements.iter().filter(|one| one.outcome() == "pass");
                 let speed = Some(summary.realtime_factor);
                 let all = requirements.len();
                 (passed.count(), all, speed, &summary.digest, &ran.folder)
@@ -74,7 +74,10 @@ fn write(text: &mut String, rows: &[Row]) -> std::fmt::Result {
             writeln!(text, "  {}: {reason}", row.label)?;
         }
         for one in row.ran.iter().flat_map(|ran| &ran.summary.requirements) {
-            if one.verdict != "pass" {
+            if let Some(premise) = &one.vacuous {
+                let why = why_vacuous(premise);
+                writeln!(text, "  {}: {} {why}", row.label, one.name)?;
+            } else if one.verdict != "pass" {
                 let margin = one.robustness.map_or_else(String::new, |margin| {
                     format!(", margin {}", short_in(margin, &one.unit))
                 });

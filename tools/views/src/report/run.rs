@@ -376,6 +376,7 @@ fn summary_beside(run: &Path) -> Option<(String, Vec<Requirement>)> {
             unit: text(&one["unit"]),
             at_s: one["at_s"].as_f64(),
             decided_at_s: one["decided_at_s"].as_f64(),
+            vacuous: one["vacuous"].as_str().map(Into::into),
             trace: Trace::default(),
         });
     Some((text(&summary["verdict"]), requirements.collect()))

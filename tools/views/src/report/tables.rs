@@ -8,7 +8,7 @@ use hil_facts::results::faults::not_confirmed;
 use hil_facts::results::latency::legs::{LatencySummary, without_command};
 use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::spikes::Spike;
-use hil_facts::results::requirements::{self, Requirement};
+use hil_facts::results::requirements::{self, Requirement, why_vacuous};
 use hil_facts::results::summary::{Metric, of_law};
 use maud::{Markup, html};
 use shared_types::number::{short, short_in};
@@ -64,7 +64,6 @@ pub(super) fn runs(runs: &[Run]) -> Markup {
                 }
             }
         } }
-        @for run in runs { @for note in &run.notes { p.note { (run.label) ": " (note) } } }
     }
 }
 
@@ -121,7 +120,7 @@ pub(super) fn requirements(runs: &[Run]) -> Markup {
 
 fn margin(run: usize, judged: &Requirement) -> Markup {
     html! {
-        (badge(judged.verdict)) " "
+        (badge(judged.outcome())) " "
         @if let Some(robustness) = judged.robustness {
             @if let Some(at_s) = judged.at_s {
                 button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
@@ -129,6 +128,7 @@ fn margin(run: usize, judged: &Requirement) -> Markup {
                 }
             } @else { (short_in(robustness, &judged.unit)) }
         }
+        @if let Some(premise) = &judged.vacuous { br; span.hint { (why_vacuous(premise)) } }
         @if let Some(decided_s) = judged.decided_at_s { br; span.hint { "certain at " (seconds(decided_s)) " s" } }
     }
 }
@@ -325,7 +325,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
                 } }
             }
             @if let Ok(scenario) = run.outcome.reader.attachment("scenario.toml") {
-                details { summary { "Configuration: the effective scenario" } pre { code { (scenario) } } }
+                details { summary { "Configuration: the effective scenario" } pre tabindex="0" { code { (scenario) } } }
             }
         }
     }
@@ -336,7 +336,7 @@ fn meaning(evidence: &str) -> &'static str {
     entry.map_or("unknown", |(_, meaning)| meaning)
 }
 
-fn badge(verdict: &str) -> Markup {
+pub(super) fn badge(verdict: &str) -> Markup {
     html! { span.badge data-verdict=(verdict) { (verdict) } }
 }
 
@@ -346,7 +346,7 @@ pub(super) fn swatch(run: usize) -> Markup {
 }
 
 /// Formats a time without trailing zeros.
-fn seconds(time_s: f64) -> String {
+pub(super) fn seconds(time_s: f64) -> String {
     let text = format!("{time_s:.6}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

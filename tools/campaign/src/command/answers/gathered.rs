@@ -5,13 +5,13 @@ use crate::shard::part::Part;
 use crate::table::{CLASS, Column, ColumnKind};
 use hil_config::study::Study;
 
-use super::{margin, place_of};
+use super::{CLASSES, margin, place_of};
 
 /// Cases of one variant, by columns.
 #[derive(Default)]
 pub(super) struct Cases {
     pub(super) case: Vec<u64>,
-    pub(super) classes: [u64; 5],
+    pub(super) classes: [u64; CLASSES.len()],
     pub(super) diverged: Vec<u64>,
     /// Varied numbers.
     pub(super) varied: Vec<Vec<f64>>,

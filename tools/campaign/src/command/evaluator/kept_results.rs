@@ -153,6 +153,7 @@ fn identity(cases: &Cases) -> Result<String, Failure> {
         for side in [&binaries.plant, &binaries.controller] {
             files.push(side.path.clone());
             files.extend(side.host.iter().map(|host| host.path.clone()));
+            files.extend(side.modules_beside()?.into_iter().map(|(file, _)| file));
         }
     }
     let beside = scenario.path().parent().unwrap_or(Path::new(""));

@@ -10,9 +10,10 @@ use std::path::{Path, PathBuf};
 
 use hil_console::files::part_file::PartFolder;
 use hil_console::terminal::exit::Failure;
-use hil_facts::programs::binaries::beside;
+use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::programs::binaries::named::{CONTROLLER, PLANT};
 use hil_facts::programs::binaries::trusted;
+use hil_facts::programs::binaries::{Binaries, Binary, beside};
 
 use crate::folder::{CONFLICTS, SHARDS, try_out};
 use crate::manifest::{self, Copied, MANIFEST, Manifest, SCHEMA};
@@ -152,11 +153,25 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         tables.insert(name, copy(&from, format!("tables/{number}.{ending}"))?);
     }
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
-    let program = |side: &str, path: &Path| copy(path, format!("{PROGRAMS}/{side}")).map(Some);
+    let program = |side: &str, binary: &Binary| {
+        let host = binary.host.as_ref();
+        // An FMU is recognised by its content, a Python file by its name; its modules lie beside it.
+        let place = match host.is_some_and(|host| host.kind == ModelKind::Python) {
+            true => format!("{PROGRAMS}/of_{side}/{side}.py"),
+            false => format!("{PROGRAMS}/{side}"),
+        };
+        copy(&binary.path, place).map(Some)
+    };
+    for (side, binary) in cases.binaries().into_iter().flat_map(sides_of) {
+        for (file, place) in binary.modules_beside()? {
+            let copied = copy(&file, format!("{PROGRAMS}/of_{side}/{}", place.display()))?;
+            tables.insert(file.to_string_lossy().into_owned(), copied);
+        }
+    }
     let (plant, controller) = match cases.binaries() {
         None => (None, None),
         Some(binaries) => (
-            program("plant", &binaries.plant.path)?,
+            program("plant", &binaries.plant)?,
             match cases.port()? {
                 // In a folder of its own, with what the far end needs.
                 Some(port) => {
@@ -164,7 +179,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
                     tables.extend(copies_beside(port, names, PORT, copy)?);
                     Some(copy(port, format!("{PORT}/controller.port.toml"))?)
                 }
-                None => program("controller", &binaries.controller.path)?,
+                None => program("controller", &binaries.controller)?,
             },
         ),
     };
@@ -182,7 +197,9 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
     let sides = cases.binaries().map(|both| [&both.plant, &both.controller]);
     let hosts = { sides.into_iter().flatten() }.filter_map(|one| one.host.as_ref());
     for host in hosts {
-        copy(&host.path, format!("{PROGRAMS}/{}", host.kind.host()))?;
+        for (file, place) in host.companions().map_err(Failure::usage)? {
+            copy(&file, format!("{PROGRAMS}/{}", place.display()))?;
+        }
     }
     Ok(Manifest {
         schema: SCHEMA,
@@ -201,6 +218,14 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         curves: checked.curves.clone(),
         case_s: checked.facts.case_s,
     })
+}
+
+/// Returns both programs with the names of their sides.
+fn sides_of(binaries: &Binaries) -> [(&'static str, &Binary); 2] {
+    [
+        (PLANT.side, &binaries.plant),
+        (CONTROLLER.side, &binaries.controller),
+    ]
 }
 
 /// Copies files that lie beside another one into a folder; returns the copies by the paths of the files.

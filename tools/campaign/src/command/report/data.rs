@@ -26,9 +26,9 @@ pub(super) struct Data {
     /// Command that runs a case, without the case number.
     command: String,
     variants: Vec<String>,
-    classes: [&'static str; 5],
+    classes: [&'static str; CLASSES.len()],
     /// Names of the classes as displayed.
-    words: [&'static str; 5],
+    words: [&'static str; CLASSES.len()],
     /// Stride between the included draws; 1 if all are included.
     every: u64,
     /// Case numbers; `None` if they are consecutive from 0.
@@ -246,7 +246,8 @@ mod tests {
 
     #[test]
     fn an_unknown_class_counts_as_lost() {
-        let codes = ["pass", "fail", "diverged", "undecided", "lost", "?"].map(place_of);
-        assert_eq!(codes, [0, 1, 2, 3, 4, 4]);
+        let names = ["pass", "fail", "diverged", "undecided", "lost", "vacuous"];
+        assert_eq!(names.map(place_of), [0, 1, 2, 3, 4, 5]);
+        assert_eq!(["not-possible", "?"].map(place_of), [6, 4]);
     }
 }

@@ -4,7 +4,9 @@ use maud::{Markup, html};
 use shared_types::number::{counted, short, unit_shown};
 
 use super::Campaign;
-use crate::command::answers::{Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words};
+use crate::command::answers::{
+    Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words, shown_classes,
+};
 use crate::command::show::bounds;
 
 /// Maximum number of correlated values that are shown for a margin.
@@ -79,16 +81,18 @@ pub(super) fn goals(campaign: &Campaign) -> Markup {
 /// Renders the classes of each variant.
 pub(super) fn classes(campaign: &Campaign) -> Markup {
     let answers = campaign.answers;
+    let words = classes_in_words(answers.requirements());
+    let shown = shown_classes(&answers.variants);
     html! {
         div.scroll tabindex="0" { table #classes {
             thead { tr {
                 th { "variant" }
-                @for class in classes_in_words(answers.requirements()) { th.n { (class) } }
+                @for place in &shown { th.n { (words[*place]) } }
                 th.n { "passes" } th.n { "probability" }
             } }
             tbody { @for variant in &answers.variants { tr {
                 th scope="row" { (variant.name) }
-                @for count in variant.classes { td.n { (count) } }
+                @for place in &shown { td.n { (variant.classes[*place]) } }
                 td.n { (percent(campaign, variant.passes)) }
                 td.n { (bounds(variant.passes)) }
             } } }

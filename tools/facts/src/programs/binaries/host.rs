@@ -1,10 +1,10 @@
-//! Models that need a host program, installed next to `hil`, which runs them in a process of its own: `hil-fmu` for
-//! FMUs, `hil-port` for port files.
+//! Models that need a host program, which runs them in a process of its own: `hil-fmu` for FMUs and `hil-port` for port
+//! files, both installed next to `hil`, and the [interpreter](python) for Python files.
 //!
 //! The model is named, must be trusted and must remain unchanged; the host is recorded with its own hash. Only the host
-//! reads FMUs, and opens ports.
+//! reads FMUs and Python files, and opens ports.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ use hil_target::contact::Answer;
 use shared_types::describe::ModelSettings;
 
 use super::named::Choice;
-use super::{FileIdentity, asked, beside, hashed};
+use super::{FileIdentity, asked, beside, hashed, python};
 
 /// Program next to `hil` that runs FMUs.
 const OF_FMUS: &str = "hil-fmu";
@@ -39,25 +39,31 @@ pub enum ModelKind {
     Fmu,
     /// Port file.
     Port,
+    /// Python file.
+    Python,
 }
 
 impl ModelKind {
-    /// Returns the kind of a file: an FMU by its extension or its ZIP header, a port file by its first key; `None` for
-    /// a program.
+    /// Returns the kind of a file: an FMU by its extension or its ZIP header, a port file by its first key, a Python file
+    /// by its extension unless it is a program itself; `None` for a program.
     #[must_use]
     pub fn of(path: &Path) -> Option<Self> {
         if is_fmu(path) {
             return Some(Self::Fmu);
         }
+        if python::is_python_file(path) {
+            return Some(Self::Python);
+        }
         is_port_file(path).then_some(Self::Port)
     }
 
-    /// Returns the name of the program that runs such a model.
+    /// Returns the name of the program next to `hil` that runs such a model; `None` for one elsewhere.
     #[must_use]
-    pub const fn host(self) -> &'static str {
+    pub const fn host(self) -> Option<&'static str> {
         match self {
-            Self::Fmu => OF_FMUS,
-            Self::Port => OF_PORTS,
+            Self::Fmu => Some(OF_FMUS),
+            Self::Port => Some(OF_PORTS),
+            Self::Python => None,
         }
     }
 
@@ -65,6 +71,7 @@ impl ModelKind {
         match self {
             Self::Fmu => "an FMU",
             Self::Port => "a port file",
+            Self::Python => "a Python file",
         }
     }
 }
@@ -92,6 +99,8 @@ pub struct Host {
     pub is_repeatable: bool,
     pub(super) file: FileIdentity,
     side: &'static str,
+    /// Arguments before the side.
+    first: Vec<OsString>,
 }
 
 impl Host {
@@ -103,7 +112,10 @@ impl Host {
         let Some(kind) = ModelKind::of(&choice.path) else {
             return Ok(None);
         };
-        let own = beside(kind.host()).map_err(|error| error.to_string())?;
+        let own = match kind.host() {
+            Some(name) => beside(name).map_err(|error| error.to_string())?,
+            None => python::interpreter()?,
+        };
         let in_words = |error| {
             let (words, own) = (kind.words(), own.display());
             format!("{words} needs {own}, which cannot be run: {error}")
@@ -119,11 +131,26 @@ impl Host {
             settings_argument: choice.settings.argument(),
             loads: choice.loads,
             // A file with mistakes is refused by the host.
-            is_repeatable: kind == ModelKind::Fmu
+            is_repeatable: kind != ModelKind::Port
                 || Port::read(&choice.path, None).is_ok_and(|port| port.is_repeatable),
             file,
             side,
+            first: match kind {
+                ModelKind::Python => python::first_arguments()?,
+                ModelKind::Fmu | ModelKind::Port => Vec::new(),
+            },
         }))
+    }
+
+    /// Returns the files that run such a model beside a copy of `hil`, with their places in its folder.
+    ///
+    /// # Errors
+    /// If this `hil` was installed without them.
+    pub fn companions(&self) -> Result<Vec<(PathBuf, PathBuf)>, String> {
+        match self.kind.host() {
+            Some(name) => Ok([(self.path.clone(), name.into())].into()),
+            None => python::companions(),
+        }
     }
 
     /// Returns the command that runs a model, without the common arguments of programs.
@@ -151,8 +178,9 @@ impl Host {
     }
 
     fn arguments<'a>(&'a self, model: &'a Path) -> Vec<&'a OsStr> {
-        let mut arguments = vec![self.side.as_ref(), model.as_os_str()];
-        if self.kind == ModelKind::Port {
+        let mut arguments: Vec<&OsStr> = self.first.iter().map(OsString::as_os_str).collect();
+        arguments.extend([self.side.as_ref(), model.as_os_str()]);
+        if self.kind != ModelKind::Fmu {
             return arguments;
         }
         for pattern in &self.locals {
@@ -222,6 +250,8 @@ mod tests {
         assert!(!is_model(&file("short", b"PK")));
         let port = file("desk", b"# Wires of the rig.\n\nport = 1\n");
         assert_eq!(ModelKind::of(&port), Some(ModelKind::Port));
+        let python = file("motor.py", b"import hil\n");
+        assert_eq!(ModelKind::of(&python), Some(ModelKind::Python));
         assert_eq!(
             ModelKind::of(&file("scenario", b"schema = 1\nport = 1")),
             None

@@ -1,0 +1,49 @@
+//! Native part of the Python package `hil`, loaded as `hil._native`.
+//!
+//! 1. [`scenario`] reads and checks a scenario as the command line does.
+//! 2. [`session`] holds its run in this process and executes it step by step; [`observer`] copies values of the newest
+//!    step into memory of Python, and [`saved`] is the state before a step.
+//! 3. [`request`] turns the words of `hil inject` into the request of a session.
+//! 4. [`side`] makes plants and laws of Python classes, and is the process of such a side; [`class`](mod@class) keeps
+//!    those of sessions.
+//! 5. [`evaluation`] runs a scenario at many points, on all cores.
+//!
+//! [`bound`] keeps what is not made for several threads in the thread that made it, and [`failure`] turns the failures
+//! of `hil` into the exceptions of `hil.errors`. A session installs no signal handler, and starts neither thread nor
+//! process.
+
+mod bound;
+mod class;
+mod evaluation;
+mod failure;
+mod observer;
+mod request;
+mod saved;
+mod scenario;
+mod session;
+mod side;
+
+use pyo3::pymodule;
+
+/// Native part of the package `hil`.
+#[pymodule]
+mod _native {
+    use pyo3::prelude::*;
+
+    #[pymodule_export]
+    use crate::evaluation::evaluate_points;
+    #[pymodule_export]
+    use crate::observer::Observer;
+    #[pymodule_export]
+    use crate::request::fault_request;
+    #[pymodule_export]
+    use crate::saved::Saved;
+    #[pymodule_export]
+    use crate::session::{Session, open_session};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        crate::side::register(module)
+    }
+}

@@ -1,0 +1,366 @@
+"""A session whose plant and law run in processes of their own, because the scenario names a program.
+
+It is a run of `hil run` that is held before its next step, driven by the socket of its session. The interface is that
+of the native session; what needs both sides in this process is refused.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import tempfile
+import time
+import weakref
+from pathlib import Path
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+
+from .errors import InfrastructureError, SessionError, of_exit_code
+from .programs import cannot_start, find, parsed, succeed
+from .result import Run
+
+#: Socket in the folder of a session.
+SOCKET = "control"
+#: Groups of signals in a record, in order.
+GROUPS = (
+    "truth",
+    "measured",
+    "reference",
+    "command",
+    "applied",
+    "internal",
+    "input",
+    "sensed",
+    "stimulus",
+    "parameter",
+    "sensor",
+    "actuator",
+    "cut",
+)
+#: Groups that are listed under another name in a layout.
+LISTED = {"applied": "command", "sensed": "measured", "stimulus": "reference"}
+#: Signals of one word of validity bits, and the most such words.
+BITS, MOST_WORDS = 64, 8
+#: A request must be answered within this time; `hil` itself waits shorter.
+ANSWER_LIMIT_S = 20.0
+#: Steps are requested in parts of about this duration, between which Python takes its signals.
+PART_S = 0.1
+LOOK_S = 0.005
+PR_SET_PDEATHSIG = 1
+
+
+class RemoteSession:
+    """A held run in two processes, with the interface of the native session."""
+
+    def __init__(self, path: str, flags: Sequence[str]) -> None:
+        self._folder = tempfile.mkdtemp(prefix="hil-session-")
+        self._name = f"py-{os.getpid()}-{os.urandom(4).hex()}"
+        out = os.path.join(self._folder, "run")
+        command = [find(), "run", "--json", "--pause-at=0", f"--session={self._name}", f"--out={out}"]
+        command += [f"--set={flag}" for flag in flags]
+        try:
+            # Ctrl-C at the terminal is for Python alone, which ends the run when it ends.
+            self._process = subprocess.Popen(
+                [*command, "--", path],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                start_new_session=True,
+                preexec_fn=_dying_with(os.getpid()),
+            )
+        except OSError as error:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            raise cannot_start(command[0], error) from error
+        self._end = weakref.finalize(self, _end, self._process, self._folder, os.getpid())
+        self._owner = os.getpid()
+        self._command = command
+        self._run: Optional[Run] = None
+        self._is_closed = False
+        self._part = 64
+        try:
+            self._socket = self._find_socket()
+            self._possible = self._ask({"request": "possible"})
+            self._status = self._ask({"request": "status"})
+        except BaseException:
+            self.close()
+            raise
+
+    def _find_socket(self) -> str:
+        """Waits until the plant listens; `hil` bounds that wait."""
+        path: Optional[str] = None
+        while True:
+            if self._process.poll() is not None:
+                self._conclude()
+            if path is None:
+                sessions = parsed(succeed(["sessions", "--json"]))["sessions"]
+                folders = [one["folder"] for one in sessions if one["name"] == self._name]
+                path = os.path.join(folders[0], SOCKET) if folders else None
+            elif os.path.exists(path):
+                return path
+            time.sleep(LOOK_S)
+
+    def _ask(self, request: Dict[str, Any]) -> Dict[str, Any]:
+        with socket.socket(socket.AF_UNIX) as stream:
+            stream.settimeout(ANSWER_LIMIT_S)
+            try:
+                stream.connect(self._socket)
+                stream.sendall(json.dumps(request).encode() + b"\n")
+                with stream.makefile("rb") as answers:
+                    answer = answers.readline()
+            except OSError as error:
+                answer, reason = b"", str(error)
+            else:
+                reason = "it closed the connection"
+        if answer:
+            parsed_answer: Dict[str, Any] = json.loads(answer)
+            return parsed_answer
+        if self._has_ended():
+            self._conclude()
+            return {"response": "refused", "problems": [{"key": "", "message": "the run is over"}]}
+        raise InfrastructureError(self._command, 3, f"error: the plant of session `{self._name}` does not answer: {reason}")
+
+    def _has_ended(self) -> bool:
+        """Waits for the end of a process whose plant has closed its socket."""
+        try:
+            self._process.wait(ANSWER_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def _conclude(self) -> Run:
+        """Reads the results of the run, whose process has ended."""
+        if self._run is None:
+            stdout, stderr = self._process.communicate()
+            facts = parsed(stdout.decode(errors="replace"))
+            is_summary = isinstance(facts, dict) and "session" in facts
+            run = Run(Path(self._folder) / "run") if is_summary else None
+            code = self._process.returncode
+            if run is None or code not in (0, 1):
+                problems = facts.get("problems", []) if isinstance(facts, dict) else []
+                text = stderr.decode(errors="replace")
+                raise of_exit_code(code)(self._command, code, text, problems, run)
+            self._run = run
+        return self._run
+
+    def _check(self) -> None:
+        if os.getpid() != self._owner:
+            raise SessionError("this session was opened before a fork, by the parent process; open another one in this process")
+        if self._is_closed:
+            raise SessionError("this session is closed; open another one")
+
+    # The interface of the native session.
+
+    def step(self, steps: int = 1) -> None:
+        self._check()
+        if steps < 0:
+            raise OverflowError("can't convert negative int to unsigned")
+        if self.is_over:
+            raise SessionError(f"the run is over since step {self.step_index}; open another session")
+        self._advance(self._status["step"] + steps)
+
+    def step_to(self, time_s: float) -> None:
+        self._check()
+        step = self.step_index
+        if not time_s >= 0:
+            raise SessionError(f"{time_s} is no simulated time")
+        if time_s == float("inf"):
+            target = self._status["steps"]
+        else:
+            target = _step_at_or_after(time_s, self.length[1])
+        if target < step and not (self.is_over and target >= self._status["steps"]):
+            raise SessionError(f"{time_s} s is past, because the next step is {step} ({self.time_s} s)")
+        if not self.is_over:
+            self._advance(target)
+
+    def _advance(self, target: int) -> None:
+        steps = self._status["steps"]
+        if target >= steps:
+            self._ask({"request": "resume"})
+            while self._process.poll() is None:
+                time.sleep(LOOK_S)
+            self._conclude()
+            return
+        while self._status["step"] < target:
+            part = min(self._part, target - self._status["step"])
+            since = time.monotonic()
+            answer = self._ask({"request": "advance", "steps": part})
+            if answer["response"] == "refused":
+                # The run has ended early, or goes on after an interrupt.
+                if self._run is not None:
+                    return
+                self._ask({"request": "pause"})
+                self._status = self._ask({"request": "status"})
+                continue
+            self._status = answer
+            took_s = time.monotonic() - since
+            self._part = max(1, min(2 * self._part, int(self._part * PART_S / max(took_s, 1e-4))))
+            if not answer["paused"]:
+                self._wait_until_held()
+
+    def _wait_until_held(self) -> None:
+        while self._run is None:
+            self._status = self._ask({"request": "status"})
+            if self._status.get("paused"):
+                return
+            time.sleep(LOOK_S)
+
+    def request(self, request: str) -> str:
+        self._check()
+        return json.dumps(self._ask(json.loads(request)))
+
+    def value(self, name: str) -> Optional[float]:
+        self._check()
+        values = self._values()
+        return values.get(name)
+
+    def _values(self) -> Mapping[str, float]:
+        if self._run is not None:
+            raise SessionError("the run is over; its values are in the recording of a run of scenario()")
+        answer = self._ask({"request": "record"})
+        if answer["response"] == "refused":
+            return {}
+        layout, words = answer["layout"], answer["words"]
+        names = [f"{group}.{field['name']}" for group in GROUPS for field in layout.get(LISTED.get(group, group), [])]
+        sample = len(layout["measured"]) + len(layout["reference"])
+        first = 1 + _validity_words(sample) + _validity_words(layout["command_signals"])
+        data = struct.pack(f"={len(names)}Q", *words[first : first + len(names)])
+        return dict(zip(names, struct.unpack(f"={len(names)}d", data)))
+
+    def observe(self, names: List[str]) -> Any:
+        self._check()
+        known = dict(self.signals()[0])
+        for name in names:
+            if name not in known:
+                return name
+        observer = RemoteObserver(names)
+        self.copy(observer)
+        return observer
+
+    def copy(self, observer: RemoteObserver) -> None:
+        self._check()
+        values = self._values()
+        row = [values.get(name, float("nan")) for name in observer.names]
+        struct.pack_into(f"={len(row)}d", observer.memory, 0, *row)
+
+    def save(self) -> Any:
+        raise SessionError("a session in two processes is saved by checkpoints: `hil run --checkpoint-at`, and `--from`")
+
+    def restore(self, saved: object) -> None:
+        self.save()
+
+    def reset(self, seed: Optional[int] = None) -> None:
+        raise SessionError("a session in two processes cannot begin again; open another one")
+
+    def close(self) -> None:
+        if os.getpid() != self._owner:
+            self._check()
+        self._is_closed = True
+        self._end()
+
+    def signals(self) -> Tuple[List[Tuple[str, str]], List[Tuple[str, str]]]:
+        self._check()
+        possible = self._possible
+        plant = possible["plant"]
+        groups = {
+            "truth": plant["truth"],
+            "measured": plant["measured"],
+            "reference": possible["reference"],
+            "command": plant["commands"],
+            "applied": plant["commands"],
+        }
+        if self._run is None:
+            answer = self._ask({"request": "record"})
+            if answer["response"] != "refused":
+                layout = answer["layout"]
+                groups = {group: layout.get(LISTED.get(group, group), []) for group in GROUPS}
+        pairs = [(f"{group}.{field['name']}", field["unit"]) for group, fields in groups.items() for field in fields]
+        return pairs, []
+
+    @property
+    def step_index(self) -> int:
+        self._check()
+        if self._run is not None and self._run.summary is not None:
+            return int(self._run.summary["steps"])
+        return int(self._status["step"])
+
+    @property
+    def time_s(self) -> float:
+        return self.step_index / self.length[1]
+
+    @property
+    def length(self) -> Tuple[int, float]:
+        self._check()
+        return int(self._status["steps"]), float(self._possible["rate"])
+
+    @property
+    def is_over(self) -> bool:
+        self._check()
+        return self._run is not None
+
+    def _result(self) -> Run:
+        self._check()
+        if self._run is None:
+            raise SessionError("a session in two processes has its results after its end; step_to() executes the rest")
+        return self._run
+
+    @property
+    def digest(self) -> Optional[str]:
+        return self._result().digest
+
+    def results(self) -> str:
+        summary = self._result().summary or {}
+        end = {"verdict": summary.get("verdict"), "reason": summary.get("reason")}
+        return json.dumps({"requirements": summary["requirements"], "metrics": summary["metrics"], "end": end})
+
+    def scenario(self) -> str:
+        return succeed(["scenario", "from", str(self._result().folder)])
+
+
+class RemoteObserver:
+    """Names of values, and the memory for them."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self.names = list(names)
+        self.memory = bytearray(8 * len(self.names))
+
+
+def _step_at_or_after(time_s: float, rate_hz: float) -> int:
+    """Returns the first step at or after a time."""
+    step = int(time_s * rate_hz)
+    while step > 0 and (step - 1) / rate_hz >= time_s:
+        step -= 1
+    while step / rate_hz < time_s:
+        step += 1
+    return step
+
+
+def _validity_words(signals: int) -> int:
+    return min(max(-(-signals // BITS), 1), MOST_WORDS)
+
+
+def _dying_with(parent: int) -> Any:
+    """Returns a function for the child, which then gets SIGTERM when the thread that started it ends."""
+    import ctypes
+
+    prctl = ctypes.CDLL(None, use_errno=True).prctl
+
+    def die_with_parent() -> None:
+        prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
+        if os.getppid() != parent:
+            os._exit(3)  # it has ended meanwhile
+
+    return die_with_parent
+
+
+def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
+    """Ends the run, which cleans up after itself, and removes its folder."""
+    if os.getpid() != owner:
+        return
+    if process.poll() is None:
+        process.send_signal(signal.SIGINT)
+    process.communicate()
+    shutil.rmtree(folder, ignore_errors=True)
