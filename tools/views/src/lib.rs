@@ -15,6 +15,7 @@ pub mod export;
 pub mod layout;
 pub mod monitor;
 pub mod offline_page;
+pub(crate) mod pages;
 pub mod panel;
 pub mod plots;
 pub mod prefix;
