@@ -358,6 +358,14 @@ impl SteppedRun {
         values.iter().flatten().map(Requirement::from).collect()
     }
 
+    /// Returns bounds on the final robustness of each requirement, in the plan's order.
+    #[must_use]
+    pub fn bounds(&self) -> Vec<[f64; 2]> {
+        let recorder = self.recorder.0.borrow();
+        let evaluation = recorder.collector.evaluation.as_ref();
+        evaluation.map_or_else(Vec::new, |evaluation| evaluation.so_far().bounds())
+    }
+
     /// Returns the metrics so far.
     #[must_use]
     pub fn metrics(&self) -> Vec<Metric> {
