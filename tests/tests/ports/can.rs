@@ -7,6 +7,9 @@ use crate::support::programs::skip;
 /// Interface that exists only for tests.
 const INTERFACE: &str = "vcan0";
 
+/// Arguments for a guest with an emulated processor, on which a peer takes several seconds to start.
+const PATIENT: &[&str] = &["--wait-limit", "60"];
+
 /// Returns `true` if the machine has the interface of these tests.
 fn has_vcan() -> bool {
     std::path::Path::new("/sys/class/net")
@@ -36,7 +39,8 @@ fn a_machine_without_the_interface_is_told_what_to_use() {
         return;
     };
     on_can(&rig, "no-can");
-    let run = rig.hil_in(&rig.path(""), &["run", "wire.toml", "--out", "none"]);
+    let arguments = [&["run", "wire.toml", "--out", "none"], PATIENT].concat();
+    let run = rig.hil_in(&rig.path(""), &arguments);
     let text = run.expect(3).stderr;
     let medium = "medium `can` (CAN interface no-can): ";
     let has_no_can = format!(
@@ -63,7 +67,8 @@ fn a_law_on_a_can_interface_has_the_digest_of_the_one_behind_udp() {
         return;
     };
     let run = |out: &str| {
-        let run = rig.hil_in(&rig.path(""), &["run", "wire.toml", "--out", out, "--json"]);
+        let arguments = [&["run", "wire.toml", "--out", out, "--json"], PATIENT].concat();
+        let run = rig.hil_in(&rig.path(""), &arguments);
         run.expect(0).json()
     };
     let udp = run("udp");
