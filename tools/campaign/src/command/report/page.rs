@@ -38,6 +38,10 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
                 h3 { "Classes of cases" }
                 (tables::classes(campaign))
             }
+            @if !campaign.answers.faults.is_empty() { section {
+                h2 { "Faults and their outcomes" }
+                (tables::faults(campaign))
+            } }
             section #requirements {
                 h2 { "Requirements" }
                 (tables::requirements(campaign, data.command()))
