@@ -99,7 +99,7 @@ function terminal(text) {
   if (process.env.STUDY) {
     const tab = await browser.newPage({ viewport: { width: 1300, height: 988 }, colorScheme: "light" });
     await tab.goto("file://" + path.resolve(process.env.STUDY));
-    await tab.getByText("truth.force_fight_n [N]", { exact: true }).last().evaluate((title) => {
+    await tab.locator("h4", { hasText: "truth.force_fight_n" }).last().evaluate((title) => {
       title.scrollIntoView();
       window.scrollBy(0, -70); // below the bar that stays
     });
@@ -113,14 +113,15 @@ function terminal(text) {
     await tab.locator("pre").screenshot({ path: path.join(__dirname, "terminal.png") });
     return browser.close();
   }
-  const open = async (page, theme, height) => {
-    const tab = await browser.newPage({ viewport: { width: 1000, height }, colorScheme: theme });
+  const open = async (page, theme, width, height) => {
+    const tab = await browser.newPage({ viewport: { width, height }, colorScheme: theme });
     await tab.goto(page);
     await tab.waitForFunction(drawn);
     return tab;
   };
   for (const page of [s1, s2]) {
-    const tab = await open(page, "light", 900);
+    const tab = await open(page, "light", 1000, 900);
+    await tab.addStyleTag({ content: ".tools button { visibility: hidden; }" });
     for (const figure of await tab.locator("figure.plot").all()) {
       const title = await figure.locator("figcaption").textContent();
       const number = /^Figure (\d+)/.exec(title)?.[1];
@@ -131,8 +132,7 @@ function terminal(text) {
     await tab.close();
   }
   for (const theme of ["light", "dark"]) {
-    const tab = await open(one, theme, 760);
-    await tab.evaluate(() => document.getElementById("plots").scrollIntoView());
+    const tab = await open(one, theme, 1280, 800);
     await tab.screenshot({ path: path.join(__dirname, `report-${theme}.png`) });
     await tab.close();
   }

@@ -57,7 +57,7 @@ pub use columns::{Columns, Group};
 pub use program::Program;
 pub use reduction::{Accumulator, Reduction, ReductionKind};
 
-pub(crate) use parser::{functions, is_reserved};
+pub(crate) use parser::{VALID, functions, is_reserved};
 use program::{Op, Unary};
 use quantity::Quantity;
 pub(crate) use units::Unit;

@@ -7,10 +7,10 @@ use hil_config::plan::Run;
 use shared_types::checkpoint::{Checkpoints, Saves};
 use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
-use shared_types::local_map::{Columns, LocalMap, Question, changed};
+use shared_types::local_map::{Columns, LocalMap, Question, changed, variables};
 use shared_types::quality::SignalSet;
 use shared_types::side::Side;
-use shared_types::state::{State, unnamed};
+use shared_types::state::State;
 use shared_types::time::{Interval, Step};
 
 use crate::checkpoint::SavedPlant;
@@ -24,10 +24,6 @@ use crate::plant::{Model, PlantKind};
 pub(crate) fn answer(kind: &PlantKind, question: &Question<Job>) -> Result<LocalMap, Invalid> {
     let Question { job, step, .. } = question;
     let (plant, name) = (&kind.description, &kind.description.name);
-    let states = plant
-        .state
-        .as_deref()
-        .ok_or_else(|| Invalid(format!("plant `{name}`: {}", unnamed())))?;
     let mut model = (kind.start)(&job.plant.parameters)?;
     let saved: Option<SavedPlant> = { job.checkpoints.resume.as_ref() }
         .map(|resume| resume.read(name))
@@ -35,9 +31,13 @@ pub(crate) fn answer(kind: &PlantKind, question: &Question<Job>) -> Result<Local
     if let Some(saved) = &saved {
         saved.restore_model(model.as_mut())?;
     }
+    let inputs = question.inputs.row(&plant.commands, "inputs")?;
+    let Some(states) = plant.state.as_deref() else {
+        let map = model.differentiated(&inputs, job.run.rate.period_s());
+        return map.map_err(|reason| Invalid(format!("plant `{name}`: {reason}")));
+    };
     let bytes = model.save()?;
     let numbers = changed(states, &model.numbers()?, &question.state)?;
-    let inputs = question.inputs.row(&plant.commands, "inputs")?;
     if let Some(mut saved) = saved.filter(|_| !job.checkpoints.steps.is_empty()) {
         model.set_numbers(&numbers)?;
         saved.model = model.save()?;
@@ -65,8 +65,22 @@ pub(crate) fn answer(kind: &PlantKind, question: &Question<Job>) -> Result<Local
         Ok(results)
     };
     let point = [numbers, inputs].concat();
-    let point = (&point[..], question.passes_kinks);
-    LocalMap::at(columns, interval.length_s, point, &mut map)
+    let with_kinks = (&point[..], question.passes_kinks);
+    let answer = LocalMap::at(columns, interval.length_s, with_kinks, &mut map)?;
+    let (numbers, inputs) = point.split_at(states.len());
+    let mut truth = vec![0.0; plant.truth.len()];
+    model.restore(&bytes)?;
+    model.set_numbers(numbers)?;
+    (model.read(&mut measured, &mut SignalSet::default())).map_err(failed)?;
+    (model.truth(interval.start_s, inputs, &mut truth)).map_err(failed)?;
+    Ok(LocalMap {
+        truth: variables(&plant.truth, &truth),
+        ..answer
+    })
+}
+
+fn failed(failure: Failure) -> Invalid {
+    Invalid(failure.to_string())
 }
 
 fn interval(run: &Run, substeps: u32, step: Step) -> Interval {
@@ -86,7 +100,6 @@ fn advanced(
     interval: &Interval,
     measured: &mut [f64],
 ) -> Result<Vec<f64>, Invalid> {
-    let failed = |failure: Failure| Invalid(failure.to_string());
     model.restore(bytes)?;
     model.set_numbers(numbers)?;
     (model.read(measured, &mut SignalSet::default())).map_err(failed)?;

@@ -5,6 +5,7 @@
 
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription, Settings};
 use shared_types::failure::Failure;
+use shared_types::local_map::LocalMap;
 use shared_types::quality::SignalSet;
 use shared_types::state::{State, StateOf, unnamed};
 use shared_types::table::{self, Table};
@@ -148,6 +149,16 @@ pub trait Model {
     /// # Errors
     /// If the state does not name its numbers.
     fn numbers(&self) -> Result<Vec<f64>, Invalid> {
+        Err(unnamed())
+    }
+
+    /// Returns the derivatives of the model's continuous equations at its state, for a model that states them itself;
+    /// `length_s` is the period of the run.
+    ///
+    /// # Errors
+    /// If the model cannot.
+    fn differentiated(&mut self, inputs: &[f64], length_s: f64) -> Result<LocalMap, Invalid> {
+        let _ = (inputs, length_s);
         Err(unnamed())
     }
 

@@ -8,9 +8,11 @@
 //! 3. Each output takes the step with its smallest error.
 //!
 //! At a kink the differences to the left and to the right stay apart however small the step is; at a root they grow
-//! without limit. Both are refused.
+//! without limit; at a [jump] the output itself stays apart. All are refused.
 
 use crate::extremes::larger;
+
+mod jump;
 
 /// Derivative of every output by one number.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +39,15 @@ pub enum NoDerivative {
         /// Difference quotient to the left.
         left: f64,
         /// Difference quotient to the right.
+        right: f64,
+    },
+    /// An output jumps at the point.
+    Jump {
+        /// Index of the output.
+        output: usize,
+        /// Rise from the left to the point.
+        left: f64,
+        /// Rise from the point to the right.
         right: f64,
     },
     /// The differences of an output do not converge.
@@ -180,6 +191,7 @@ pub fn derivative(
         if kinks == Kinks::Passed {
             break;
         }
+        jump::refuse(&levels, output)?;
         if let Some(settled_at) = tracks[output].settled_at {
             let first = (settled_at + 1).saturating_sub(SETTLED as usize);
             let near = &levels[first..=last.min(best.level).max(settled_at)];

@@ -63,12 +63,19 @@ pub struct LocalMap {
     pub inputs: Vec<Variable>,
     /// Outputs y.
     pub outputs: Vec<Variable>,
+    /// Truth of a plant at the point.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub truth: Vec<Variable>,
     /// State one period later.
     pub next: Vec<f64>,
     /// Derivatives of the next state, then of the outputs, by each state and then each input: a column each.
     pub columns: Vec<Vec<f64>>,
     /// Accuracy of each column.
     pub accuracy: Vec<Accuracy>,
+    /// `true` if the model itself stated the derivatives of its continuous equations: the first rows are those of the
+    /// rates of the states and not of the next states, and `next` is empty.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_continuous: bool,
 }
 
 /// Numbers of a map in order: states, inputs and outputs.
@@ -124,19 +131,12 @@ impl LocalMap {
             let column = derivative(&mut by_one, point[place], kinks);
             all.push(column.map_err(|error| in_words(&error, field, point[place], &results))?);
         }
-        let variables = |fields: &[Field], values: &[f64]| {
-            let variable = |(field, value): (&Field, &f64)| Variable {
-                name: field.name.clone(),
-                unit: field.unit.clone(),
-                value: *value,
-            };
-            fields.iter().zip(values).map(variable).collect()
-        };
         Ok(Self {
             period_s,
             states: variables(states, point),
             inputs: variables(inputs, &point[states.len()..]),
             outputs: variables(outputs, &here[states.len()..]),
+            truth: Vec::new(),
             next: here[..states.len()].to_vec(),
             accuracy: { all.iter() }
                 .map(|Derivative { step, error, .. }| Accuracy {
@@ -145,8 +145,20 @@ impl LocalMap {
                 })
                 .collect(),
             columns: all.into_iter().map(|column| column.values).collect(),
+            is_continuous: false,
         })
     }
+}
+
+/// Returns the numbers of a table with their values.
+#[must_use]
+pub fn variables(fields: &[Field], values: &[f64]) -> Vec<Variable> {
+    let variable = |(field, value): (&Field, &f64)| Variable {
+        name: field.name.clone(),
+        unit: field.unit.clone(),
+        value: *value,
+    };
+    fields.iter().zip(values).map(variable).collect()
 }
 
 /// Returns the values of a state: those saved, with the changed rows.
@@ -173,6 +185,14 @@ fn in_words(error: &NoDerivative, by: &Field, at: f64, results: &[&Field]) -> In
             right,
         } => format!(
             "no linear model: `{}` has a kink at {at}; its slope is {left:e} to the left and {right:e} to the right",
+            name(output)
+        ),
+        NoDerivative::Jump {
+            output,
+            left,
+            right,
+        } => format!(
+            "no linear model: `{}` jumps at {at}, by {left:e} from the left and by {right:e} to the right",
             name(output)
         ),
         NoDerivative::Diverges {

@@ -17,11 +17,11 @@ import pyarrow.parquet as pq
 from playwright.sync_api import sync_playwright
 
 CATCH = "window.wrong = []; addEventListener('securitypolicyviolation', (event) => wrong.push(event.blockedURI));"
-# Draws texts twice as large, which makes labels long, and keeps the left end of those beside a value axis.
+# Draws texts three times as large, which makes labels long, and keeps the left end of those beside a value axis.
 LARGE = """(() => {
   const context = CanvasRenderingContext2D.prototype, { fillText, clearRect } = context;
   const { get, set } = Object.getOwnPropertyDescriptor(context, "font");
-  Object.defineProperty(context, "font", { get, set(font) { set.call(this, font.replace("11px", "22px")); } });
+  Object.defineProperty(context, "font", { get, set(font) { set.call(this, font.replace("11px", "33px")); } });
   context.clearRect = function (...box) { this.canvas.labels = []; return clearRect.apply(this, box); };
   context.fillText = function (text, x, y) {
     if (this.textAlign === "right") (this.canvas.labels ||= []).push([text, x - this.measureText(text).width]);
@@ -129,7 +129,7 @@ def main(path, results, chromium="/usr/bin/chromium"):
                 settle()
             labels.extend(canvas.evaluate("(one) => one.labels || []"))
         wrong.extend(f"label {text} begins at {left}" for text, left in labels if left < 0)
-        if not any(len(text) > 4 for text, _ in labels):
+        if not any(len(text) > 3 for text, _ in labels):
             wrong.append(f"no label is long: {labels}")
         browser.close()
     print(json.dumps({"rows": table.num_rows, "wrong": wrong, "median_ms": statistics.median(times), "longest_ms": max(times)}))

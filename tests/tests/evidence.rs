@@ -224,10 +224,21 @@ fn evidence_is_refused_by_name_without_a_summary_or_a_usable_list() {
     remove(&summary);
     let refused = evidence(&rig, &runs, &["--force"]).expect(2);
     assert!(
-        refused.stderr.contains("summary.json: it is missing"),
+        (refused.stderr).contains("it has neither a summary nor a recording"),
         "{}",
         refused.stderr
     );
+
+    let folder = rig.path("evidence").display().to_string();
+    let nowhere = rig.path("nowhere").display().to_string();
+    let refused = rig.hil(&["export", &nowhere, "--evidence", &folder]);
+    let refused = refused.expect(2);
+    assert!(
+        refused.stderr.contains("there is no run"),
+        "{}",
+        refused.stderr
+    );
+    assert!(!refused.stderr.contains("recover"), "{}", refused.stderr);
 
     let folder = runs[0].folder.to_str().expect("plain");
     let refused = rig.hil(&["export", folder, folder]).expect(2);
@@ -236,6 +247,22 @@ fn evidence_is_refused_by_name_without_a_summary_or_a_usable_list() {
             .stderr
             .contains("a table is of one run; --evidence takes several")
     );
+}
+
+#[test]
+fn a_run_that_is_given_twice_is_refused() {
+    let rig = Rig::new();
+    let run = rig
+        .run("scenarios/spring-mass.toml --link in-process")
+        .expect(0);
+    let folder = run.folder.to_str().expect("plain");
+    let dotted = run.folder.join(".").display().to_string();
+    let recording = run.recording().display().to_string();
+    let out = rig.path("evidence").display().to_string();
+    for other in [folder, &dotted, &recording] {
+        let refused = rig.hil(&["export", folder, other, "--evidence", &out]);
+        refused.expect(2).says(&["is given twice"]);
+    }
 }
 
 fn remove(path: &Path) {

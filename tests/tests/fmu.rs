@@ -5,6 +5,7 @@ mod controllers;
 mod deaths;
 mod ends;
 mod inputs;
+mod linear;
 mod names;
 mod order;
 mod shipped;

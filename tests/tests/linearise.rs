@@ -300,6 +300,53 @@ fn a_point_without_a_linear_model_is_refused_by_name() {
 }
 
 #[test]
+fn a_jump_exactly_at_the_point_is_refused_with_the_state_and_the_number_that_moves_it() {
+    if !has("cc") {
+        return;
+    }
+    let rig = Rig::new();
+    let text = fs::read_to_string(workspace().join("examples/c-plant/pendulum.c"));
+    // A motor of 25 N m that starts beyond the angle at step 0.
+    let kicked = text.expect("the example").replace(
+        "+ q->torque_nm) / (m * l * l);",
+        "+ q->torque_nm + (x[0] > 0.2 ? 25.0 : 0.0)) / (m * l * l);",
+    );
+    let source = rig.write("kicked.c", &kicked).display().to_string();
+    let plant = compiled(&rig, "cc", &source, "kicked", &[]);
+    let plant = plant.display().to_string();
+    let scenario = "schema = 1\nname = \"kicked\"\n[run]\nduration_s = 1\nrate_hz = 1000\n[plant]\nmodel = \"pendulum\"\n[controller]\nlaw = \"hold\"\n";
+    let scenario = rig.write("kicked.toml", scenario).display().to_string();
+    let of = |angle: &str| {
+        let set = format!("plant.parameters.initial_angle_rad={angle}");
+        let command = [
+            "linearise",
+            &scenario,
+            "--of",
+            "plant",
+            "--plant-bin",
+            &plant,
+        ];
+        rig.hil(&[&command[..], &["--set", &set]].concat())
+    };
+    of("0.2")
+        .expect(1)
+        .says(&["no linear model", "jumps at `angle_rad` = 0.2 rad, by"]);
+    of("0.1").expect(0);
+}
+
+#[test]
+fn a_plant_behind_a_port_is_refused_as_one_that_is_not_simulated() {
+    let rig = Rig::new();
+    for verb in [&["linearise", "--of", "plant"][..], &["trim"]] {
+        let run = rig.hil(&[verb, &["examples/ports/rig.toml"]].concat());
+        let run = run
+            .expect(1)
+            .says(&["plant `spring-mass` is behind a port"]);
+        assert!(!run.stderr.contains("StateOf"), "{}", run.stderr);
+    }
+}
+
+#[test]
 fn describe_shows_the_numbers_of_a_state() {
     let rig = Rig::new();
     for (name, parts) in [

@@ -91,7 +91,7 @@
 //! | `HIL_TEST_FMPY=1` | Python's `fmpy` |
 //! | `HIL_TEST_GDB=1` | a `gdb` that may trace |
 //! | `HIL_TEST_NETNS=1` | a user who may make network namespaces |
-//! | `HIL_TEST_NODE=1` | Foxglove's packages, installed with npm |
+//! | `HIL_TEST_NODE=1` | Foxglove's packages and axe-core, installed with npm |
 //! | `HIL_TEST_PARALLEL=1` | GNU `parallel` |
 //! | `HIL_TEST_PYTHON=1` | a Python environment, made for the tests |
 //! | `HIL_TEST_QEMU=1` | a kernel for a guest, unpacked by `.ci/run tools` |

@@ -4,7 +4,10 @@
 //! `summary.json`. The browser is a headless Chromium; without one its tests say so and pass, unless
 //! `HIL_TEST_CHROMIUM=1` demands it.
 
-mod browser;
+pub(crate) mod accessible;
+mod axes;
+pub(crate) mod browser;
+mod first_screen;
 mod numbers;
 pub(crate) mod page;
 

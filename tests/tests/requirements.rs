@@ -281,3 +281,43 @@ fn values_removed_by_a_fault_fail_requirements_and_are_excluded_from_means() {
         }
     }
 }
+
+#[test]
+fn validity_is_a_requirement_by_itself() {
+    let rig = Rig::new();
+    let text = r#"
+[[faults]]
+kind = "dropout"
+at_s = 1.0
+duration_s = 0.1
+[[faults.effects]]
+target = "measured.position_m"
+
+[[requirements]]
+name = "alone"
+formula = "always(valid(measured.position_m))"
+[[requirements]]
+name = "compared"
+formula = "always(valid(measured.position_m) > 0.5)"
+[[requirements]]
+name = "lately"
+formula = "always once[0s,150ms] valid(measured.position_m)"
+[[requirements]]
+name = "lost"
+formula = "eventually(not valid(measured.position_m) and valid(measured.velocity_mps))"
+"#;
+    let scenario = rig.write("dropout.toml", &(shipped(SPRING_MASS) + text));
+    let scenario = scenario.to_str().expect("plain");
+    let run = rig.run(&format!("{scenario} --link in-process")).expect(1);
+    let summary = run.summary();
+    let all = summary["requirements"].as_array().expect("a list");
+    let of = |name: &str| {
+        let one = all.iter().find(|one| one["name"] == name);
+        let one = one.expect("it is there");
+        [&one["verdict"], &one["robustness"], &one["at_s"]].map(Value::clone)
+    };
+    assert_eq!(of("alone"), [json!("fail"), json!(-0.5), json!(1.0)]);
+    assert_eq!(of("alone"), of("compared"));
+    assert_eq!(of("lately")[0], "pass");
+    assert_eq!(of("lost")[0], "pass");
+}

@@ -1,5 +1,7 @@
 //! Searches: the smallest fault that breaks a requirement, and the worst case, against closed forms and the paper's run.
 
+mod judges;
+
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -344,4 +346,16 @@ fn external_programs_give_the_digests_of_one_process() {
     ]);
     assert_eq!(outside.expect(0).json()["tried"], inside["tried"]);
     assert!(rig.processes().is_empty(), "{:?}", rig.processes());
+}
+
+#[test]
+fn a_requirement_whose_value_is_no_number_is_named_as_such() {
+    let rig = Rig::new();
+    let of_nan = "always(sqrt(truth.position_m - 1) < 1)";
+    let study = study(&rig, of_nan, 0.5, ONE);
+    let folder = rig.path("nan");
+    let run = rig.hil(&["search", "smallest", text(&study), "-o", text(&folder)]);
+    run.expect(1).prints(&[
+        "the nominal case already fails: `trusts` fails without a margin, because a value in its formula is missing or no number",
+    ]);
 }

@@ -159,6 +159,7 @@ fn what_stands_in_the_way_of_an_equilibrium_is_named() {
         ),
         (&["--free", "position_m"], "the plant has no such number"),
         (&["--at", "0"], "a checkpoint has a past"),
+        (&["--at", "-1"], "--at -1 is too early"),
     ] {
         trim(arguments).expect(2).says(&[words]);
     }
@@ -237,4 +238,121 @@ fn a_law_behind_an_actuator_is_not_said_to_hold_the_equilibrium() {
     );
     let refused = trim["law"]["refused"].as_str().expect("a reason");
     assert!(refused.contains("[[actuators]]"), "{refused}");
+}
+
+#[test]
+fn an_equilibrium_beyond_a_limit_names_the_number_and_the_limit() {
+    let rig = Rig::new();
+    let more = "\n[plant.limits]\nposition_m = [-0.02, 0.02]\n\n[[sensors]]\nsignal = \"position_m\"\nrange = [-0.01, 0.01]\n";
+    let scenario = rig.write("limited.toml", &(shipped(SPRING_MASS) + more));
+    let scenario = scenario.to_str().expect("plain");
+    let held = [scenario, "--hold", "position_m=0.03", "--free", "force_n"];
+    let trim = trimmed(&rig, &held);
+    let exceeded = trim["exceeded"].as_array().expect("a list");
+    let kinds: Vec<_> = exceeded.iter().map(|one| &one["of"]).collect();
+    assert_eq!(kinds, ["plant", "sensor"], "{trim}");
+    assert_eq!(exceeded[0]["name"], "position_m");
+    assert_eq!(exceeded[0]["max"], 0.02);
+    // The run from there ends at the limit, as the text says.
+    let checkpoint = trim["checkpoint"].as_str().expect("a path");
+    let run = rig.run(&format!("--from {checkpoint} --link in-process"));
+    run.expect(1).prints(&["outside -0.02 to 0.02 m"]);
+    let out = rig.path("again").display().to_string();
+    let text = rig.hil(&[&["trim"], &held[..], &["--out", &out]].concat());
+    let text = text.expect(0).stdout;
+    for line in [
+        "`position_m` = 0.03 m is outside -0.02 to 0.02 m: a run ends there",
+        "`position_m` = 0.03 m is outside -0.01 to 0.01 m: its sensor saturates there",
+    ] {
+        assert!(text.contains(line), "{text}");
+    }
+    let inside = [scenario, "--hold", "position_m=0.005", "--free", "force_n"];
+    let out = rig.path("inside").display().to_string();
+    let inside = rig.hil(&[&["trim"], &inside[..], &["--out", &out, "--json"]].concat());
+    let inside: Value = serde_json::from_str(&inside.expect(0).stdout).expect("JSON");
+    assert_eq!(inside["exceeded"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn what_the_scenario_still_changes_after_the_point_is_listed() {
+    let rig = Rig::new();
+    let more = r#"
+[[faults]]
+kind = "stiffness-loss"
+at_s = 1.0
+duration_s = 0.5
+[[faults.effects]]
+factor = 0.5
+
+[[faults]]
+kind = "push"
+when = "truth.position_m > 0.5"
+[[faults.effects]]
+force_n = 1.0
+
+[[changes]]
+at_s = 2.0
+set = { "plant.parameters.damping_n_s_per_m" = 3.0 }
+"#;
+    let scenario = rig.write("later.toml", &(shipped(SPRING_MASS) + more));
+    let scenario = scenario.to_str().expect("plain");
+    let at = |at_s: &str| {
+        let out = rig.path(at_s).display().to_string();
+        let trim = ["trim", scenario, "--at", at_s, "--out", &out, "--json"];
+        let trim: Value = serde_json::from_str(&rig.hil(&trim).expect(0).stdout).expect("JSON");
+        serde_json::from_value::<Vec<String>>(trim["still_to_come"].clone()).expect("a list")
+    };
+    let condition = "fault 2 (push) begins when truth.position_m > 0.5";
+    let change = "change 1 of plant.parameters.damping_n_s_per_m begins at 2 s";
+    let first = ["fault 1 (stiffness-loss) begins at 1 s", condition, change];
+    assert_eq!(at("0.5"), first);
+    let second = ["fault 1 (stiffness-loss) ends at 1.5 s", condition, change];
+    assert_eq!(at("1.2"), second);
+    assert_eq!(at("2.5"), [condition]);
+}
+
+#[test]
+fn a_list_in_front_of_the_scenario_leaves_the_scenario_alone() {
+    let rig = Rig::new();
+    for (place, words) in [
+        &[
+            "--hold",
+            "position_m=0.01",
+            "--free",
+            "force_n",
+            SPRING_MASS,
+        ][..],
+        &[
+            "--free",
+            "force_n",
+            "--hold",
+            "position_m=0.01",
+            SPRING_MASS,
+        ],
+        &[
+            "--free",
+            "force_n",
+            "--hold",
+            "position_m=0.01",
+            "velocity_mps=0",
+            SPRING_MASS,
+        ],
+        &[
+            "--hold",
+            "position_m=0.01",
+            SPRING_MASS,
+            "--free",
+            "force_n",
+        ],
+    ]
+    .into_iter()
+    .enumerate()
+    {
+        let out = rig.path(&place.to_string()).display().to_string();
+        let trim = rig.hil(&[&["trim"], words, &["--out", &out, "--json"]].concat());
+        let trim: Value = serde_json::from_str(&trim.expect(0).stdout).expect("JSON");
+        assert_near(value(&trim, "inputs", "force_n"), 1.0, 1e-12);
+    }
+    let none = rig.hil(&["trim", "--free", "force_n"]);
+    none.expect(2).says(&["the scenario is missing"]);
 }

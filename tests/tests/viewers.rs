@@ -5,7 +5,8 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use crate::support::harness::{Rig, Run};
-use crate::support::programs::{demanded, skip, target, workspace};
+use crate::support::node::node_packages;
+use crate::support::programs::{skip, workspace};
 use crate::support::python::{python, succeeds};
 
 const SCENARIO: &str = "tests/scenarios/leakage.toml";
@@ -73,38 +74,9 @@ fn rosbags_reads_every_message_with_the_exported_bits() {
     assert_eq!(same, runs.len(), "{output}");
 }
 
-/// Returns a folder with the packages of `tests/node`, installed if demanded.
-fn node_packages() -> Option<PathBuf> {
-    let folder = target().join("node");
-    let node = Command::new("node").arg("--version").output();
-    if node.is_ok() && folder.join("node_modules/@foxglove/rosmsg").exists() {
-        return Some(folder);
-    }
-    if !demanded("HIL_TEST_NODE") {
-        return None;
-    }
-    std::fs::create_dir_all(&folder).expect("a folder");
-    for file in ["package.json", "package-lock.json"] {
-        let from = workspace().join("tests/node").join(file);
-        std::fs::copy(from, folder.join(file)).expect("copied");
-    }
-    let mut npm = Command::new("npm");
-    succeeds(
-        npm.args([
-            "ci",
-            "--ignore-scripts",
-            "--no-audit",
-            "--no-fund",
-            "--prefix",
-        ])
-        .arg(&folder),
-    );
-    Some(folder)
-}
-
 #[test]
 fn foxgloves_decoders_agree_with_the_export_of_the_same_recording() {
-    let Some(packages) = node_packages() else {
+    let Some(packages) = node_packages("@foxglove/rosmsg") else {
         let why = "node or the packages of tests/node are not installed";
         return skip(why, "HIL_TEST_NODE");
     };

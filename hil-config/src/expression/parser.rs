@@ -12,7 +12,7 @@ use super::{Expression, ExpressionError, Name, Reduced, ReductionKind, spellings
 const WORDS: [&str; 3] = ["and", "or", "not"];
 
 /// Function that no name is reserved for: only its parenthesis makes it a call.
-const VALID: &str = "valid";
+pub(crate) const VALID: &str = "valid";
 
 const COMPARISONS: [(&str, Binary); 6] = [
     ("<", Binary::Less),

@@ -10,7 +10,7 @@ use super::{Comparison, Formula, FormulaSide, Node, Relation, Window};
 use crate::expression::cursor::Cursor;
 use crate::expression::lexer::{JOINTS, PREFIXES, Token, TokenKind};
 use crate::expression::spellings;
-use crate::expression::{Expression, ExpressionError, functions, is_reserved};
+use crate::expression::{Expression, ExpressionError, VALID, functions, is_reserved};
 
 /// Returns `true` if a name is a formula operator and so cannot be the name of a signal.
 pub(crate) fn is_operator(name: &str) -> bool {
@@ -208,6 +208,7 @@ impl Parser<'_> {
         }
         let relations = relations(words);
         let (relation, sign) = match relations.as_slice() {
+            [] if is_validity(words) => return self.validity(end, span),
             [] => return Err(self.no_comparison(begin..end, span)),
             [one] => one.clone(),
             [_, (_, second), ..] => {
@@ -237,6 +238,22 @@ impl Parser<'_> {
             right,
         });
         Ok(self.push(node))
+    }
+
+    /// Pushes `valid(x)` as the comparison `valid(x) > 0.5`; the next token is that at `end`.
+    fn validity(&mut self, end: usize, span: Range<usize>) -> Parsed {
+        let right = FormulaSide {
+            expression: Expression::parse("0.5")?,
+            start: span.end,
+        };
+        let left = self.side(span)?;
+        self.words.at = end;
+        let relation = Relation::Greater;
+        Ok(self.push(Node::Comparison(Comparison {
+            relation,
+            left,
+            right,
+        })))
     }
 
     /// Returns the first token after the comparison that begins here.
@@ -344,6 +361,16 @@ impl Parser<'_> {
         self.words.leave();
         Ok(parsed)
     }
+}
+
+/// Returns `true` for tokens that are a call of `valid` and nothing else.
+fn is_validity(words: &[Token]) -> bool {
+    let is = |token: &Token, symbol: &'static str| token.kind == TokenKind::Symbol(symbol);
+    let [name, open, inner @ .., close] = words else {
+        return false;
+    };
+    let is_call = matches!(&name.kind, TokenKind::Name(name) if name == VALID);
+    is_call && is(open, "(") && is(close, ")") && !inner.iter().any(|token| is(token, ")"))
 }
 
 /// Returns the first operator of another language between two operands.

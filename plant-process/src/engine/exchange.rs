@@ -5,7 +5,7 @@ use shared_types::frame::{FrameKind, Header};
 use shared_types::link::{Link, LinkError};
 use shared_types::lockstep::{AbortCode, PlantAction, PlantEvent};
 use shared_types::pacer::OverrunPolicy;
-use shared_types::record::{Outcome, Timing};
+use shared_types::record::{Outcome, RunEnd, Timing};
 use shared_types::stream::RecordSink;
 use shared_types::time::{Interval, Step};
 
@@ -140,7 +140,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         rows.take_command(header);
         let guard = &plant.guards.command;
         if let Err(bad) = guard.check_valid(&rows.command, &rows.command_invalid) {
-            let reason = format!("controller's command of step {}: {bad}", header.step);
+            let reason = format!("{}{}: {bad}", RunEnd::INVALID_COMMAND, header.step);
             return self.give_up(Outcome::Failed, AbortCode::NotANumber, reason);
         }
         let command = (&rows.command[..], rows.command_invalid.words_mut());

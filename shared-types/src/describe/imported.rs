@@ -26,6 +26,9 @@ pub struct Imported {
     /// Variables with settable initial values, in addition to the inputs.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub initial: Vec<String>,
+    /// Continuous states by which the model differentiates its equations itself.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub continuous_states: Vec<String>,
     /// Units as the model defines them.
     #[serde(default)]
     pub units: Vec<DefinedUnit>,

@@ -317,6 +317,16 @@ fn nothing_was_ignored(ignored: &Ignored) -> bool {
 }
 
 impl RunEnd {
+    /// Beginning of the reason of a run that ended with a command that is not finite or out of range.
+    pub const INVALID_COMMAND: &str = "controller's command of step ";
+
+    /// Returns `true` if the run ended with a command that is not finite or out of range, by the law's own doing.
+    #[must_use]
+    pub fn is_of_invalid_command(&self) -> bool {
+        let reason = self.reason.as_deref().unwrap_or_default();
+        self.outcome == Outcome::Failed && reason.starts_with(Self::INVALID_COMMAND)
+    }
+
     /// Creates the end of a run without faults, overruns, missed commands or rejected frames.
     #[must_use]
     pub fn new(steps: u64, outcome: Outcome) -> Self {

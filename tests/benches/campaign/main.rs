@@ -4,9 +4,11 @@
 //! worker with the same number of plain in-process runs without a recording, on one core; two workers with two such workers on
 //! folders of their own; and prints the time of a case of ten steps, built in and with programs of its own, the
 //! memory of a worker after some and after very many cases, and the time to collect and to show a million rows
-//! beside duckdb. `-- ROWS` takes another number than 100,000 cases and 1,000,000 rows, `-- tables [ROWS]` does the last
-//! part alone. Medians; there is no limit on any number.
+//! beside duckdb; and 1,000 evaluations, as searches make them, with the same cases of a campaign. `-- ROWS` takes
+//! another number than 100,000 cases and 1,000,000 rows, `-- tables [ROWS]` and `-- evaluations [CASES]` do that part
+//! alone. Medians; there is no limit on any number.
 
+mod evaluations;
 #[path = "../shared/measure.rs"]
 #[expect(dead_code, reason = "needs the machine and a median")]
 mod measure;
@@ -31,6 +33,8 @@ const CASES: u64 = 16;
 const ROWS: u64 = 100_000;
 /// Rows to collect and show.
 const TABLE_ROWS: u64 = 1_000_000;
+/// Evaluations that are compared with the cases of a campaign.
+const EVALUATIONS: u64 = 1000;
 /// Cases that run with programs of their own.
 const OWN: u64 = 2000;
 /// Interval between two samples of a worker's memory.
@@ -46,6 +50,10 @@ fn main() -> std::process::ExitCode {
             tables::measure(&desk, rows.unwrap_or(TABLE_ROWS));
             return std::process::ExitCode::SUCCESS;
         }
+        if std::env::args().any(|argument| argument == "evaluations") {
+            evaluations::compare(&desk, rows.unwrap_or(EVALUATIONS));
+            return std::process::ExitCode::SUCCESS;
+        }
         // On one core: a plain run has a thread for its recorder, a case of a campaign has none.
         let on_one_core = || {
             pin(0).expect("a core");
@@ -53,6 +61,7 @@ fn main() -> std::process::ExitCode {
         };
         std::thread::scope(|scope| scope.spawn(on_one_core).join()).expect("measured");
         desk.two_workers();
+        evaluations::compare(&desk, EVALUATIONS);
         desk.short_cases();
         desk.many(rows.unwrap_or(ROWS));
         tables::measure(&desk, rows.unwrap_or(TABLE_ROWS));

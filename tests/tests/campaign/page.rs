@@ -8,6 +8,8 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::Value;
 
 use super::{Planned, STUDY, campaign, planned, text};
+use crate::report::accessible::broken;
+use crate::report::browser::told;
 use crate::support::harness::Rig;
 use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::{python, succeeds};
@@ -160,5 +162,59 @@ fn envelopes_are_the_extremes_of_the_recordings_of_all_cases() {
             recorded[case][bin],
             "bin {bin}"
         );
+    }
+}
+
+/// Once all plots are drawn, without scrolling, reports how many have ink.
+const INK: &str = "<script>addEventListener('load', () => {
+  const look = () => {
+    if (document.documentElement.dataset.drawn !== 'true') return setTimeout(look, 50);
+    const all = [...document.querySelectorAll('figure.plot canvas')];
+    const inked = all.filter((canvas) => canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.some(Boolean));
+    const shapes = [...document.querySelectorAll('#legend > span:not([hidden]) .shape')].map((one) => one.textContent);
+    const dashes = [...document.querySelectorAll('#legend line')].map((one) => one.getAttribute('stroke-dasharray'));
+    const box = document.createElement('pre');
+    box.id = 'told';
+    box.textContent = JSON.stringify({ all: all.length, inked: inked.length, shapes, dashes });
+    document.body.append(box);
+  };
+  look();
+});</script>";
+
+#[test]
+fn a_campaign_page_draws_without_scrolling_and_not_by_colour_alone() {
+    let rig = Rig::new();
+    let demo = Planned::completed(&rig);
+    let page = rig.hil(&["report", text(&demo), "-o", "-"]).expect(0);
+    let page = page.stdout.replacen("</body>", &format!("{INK}</body>"), 1);
+    let Some(result) = told(&rig, &page, 1280, false) else {
+        return;
+    };
+    let result: Value = serde_json::from_str(&result).expect("JSON");
+    assert!(result["all"].as_u64() > Some(5), "{result}");
+    assert_eq!(result["inked"], result["all"]);
+    for key in ["shapes", "dashes"] {
+        let mut marks = result[key].as_array().expect("marks").clone();
+        assert!(marks.len() > 1, "{result}");
+        let count = marks.len();
+        marks.sort_by_key(ToString::to_string);
+        marks.dedup();
+        assert_eq!(marks.len(), count, "{result}");
+    }
+}
+
+#[test]
+fn a_campaign_page_breaks_no_rule_of_accessibility_in_light_and_dark_and_on_a_phone() {
+    let rig = Rig::new();
+    let demo = Planned::completed(&rig);
+    let page = rig
+        .hil(&["report", text(&demo), "-o", "-"])
+        .expect(0)
+        .stdout;
+    for (width, dark) in [(1280, false), (1280, true), (500, false)] {
+        let Some(broken) = broken(&rig, &page, width, dark) else {
+            return;
+        };
+        assert_eq!(broken, [""; 0], "{width} {dark}");
     }
 }

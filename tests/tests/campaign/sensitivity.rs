@@ -3,6 +3,7 @@
 use std::process::Command;
 
 use serde_json::Value;
+use shared_types::number::short;
 
 use super::{planned, study, text};
 use crate::support::harness::Rig;
@@ -63,6 +64,26 @@ fn the_indices_of_a_margin_are_shown_and_grow_with_the_campaign() {
         "with its interactions",
     ]);
     let few = folder.on("show --json").expect(0).json();
+    let page = rig.path("page.html");
+    rig.hil(&["report", text(&folder), "-o", page.to_str().expect("plain")])
+        .expect(0);
+    let page = std::fs::read_to_string(page).expect("a page");
+    for index in few["variants"][0]["requirements"][0]["indices"]
+        .as_array()
+        .expect("a list")
+    {
+        for key in ["first", "total"] {
+            let value = |key: &str| index[key].as_f64().expect("a number");
+            let within = value(&format!("{key}_within"));
+            let cell = format!(
+                "{} <span class=\"hint\">({} to {})</span>",
+                short(value(key)),
+                short(value(key) - within),
+                short(value(key) + within)
+            );
+            assert!(page.contains(&cell), "{cell}");
+        }
+    }
     folder
         .on("grow --cases 31")
         .expect(2)

@@ -32,6 +32,9 @@ static int step(void *self, const hil_sample *sample, double *command, double *i
     for (int i = 0; i < 2; i++) {
         const double u = -law->gain[i] * sample->measured[i];
         command[i] = u > law->limit_n ? law->limit_n : u < -law->limit_n ? -law->limit_n : u;
+#ifdef FAILS_ABOVE
+        if (u * u > FAILS_ABOVE) command[i] = 0.0 / (u - u);
+#endif
     }
     return HIL_OK;
 }

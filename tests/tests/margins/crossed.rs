@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 use std::path::PathBuf;
+use std::process::Command;
 
 use serde_json::Value;
 
@@ -9,8 +10,10 @@ use super::closed_form::{Complex, channel, margins};
 use super::{assert_loop, assert_near, measured, number};
 use crate::foreign::{CLEAN, compiled, has};
 use crate::support::harness::{Rig, text};
+use crate::support::programs::{skip, workspace};
+use crate::support::python::{python, succeeds};
 
-const SOURCE: &str = "tests/tests/margins/crossed.c";
+pub(super) const SOURCE: &str = "tests/tests/margins/crossed.c";
 const PROBE: [&str; 4] = ["--amplitude", "1", "--frequencies", "0.2..50/40"];
 
 /// Plant and law, compiled.
@@ -78,6 +81,29 @@ fn a_zero_in_the_right_half_plane_has_the_margins_of_its_closed_form() {
     let least = number(&report["inputs"][1]["disc_margin"]);
     assert_near(&together["margin"], least, 1e-3);
     assert_near(&together["least_singular_value"], least, 1e-3);
+}
+
+#[test]
+fn python_control_and_slycot_give_the_same_margins_of_two_coupled_loops() {
+    let modules = "control, slycot, numpy";
+    let Some(python) = python(modules) else {
+        return skip(&format!("no Python has {modules}"), "HIL_TEST_PYTHON");
+    };
+    let (first, second, coupling) = (2.0, 1.5, 0.4);
+    let rig = Rig::new();
+    let Some(report) = report(&rig, [first, second], coupling) else {
+        return;
+    };
+    let file = rig.write("margins.json", &report.to_string());
+    let mut judge = Command::new(python);
+    judge.arg(workspace().join("tests/python/judge_disk_margins.py"));
+    judge.arg(file);
+    judge.args([first, second, coupling].map(|number: f64| number.to_string()));
+    println!("{}", succeeds(&mut judge));
+    // Between two measured frequencies the least margin is below that of both.
+    let together = &report["together"][0];
+    let [low, high] = [0, 1].map(|end| number(&together["margin_interval"][end]));
+    assert!(low < high, "{together}");
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Loops whose margins are refused, each with its reason and the exit code 1, and wrong usage.
 
 use super::{SPRING_MASS, TWENTY, crossed, fault, measured, number, teaching_with};
+use crate::foreign::compiled;
 use crate::support::harness::{Rig, text};
 use crate::support::run::Run;
 
@@ -80,6 +81,30 @@ fn an_actuator_at_the_end_of_its_range_is_refused() {
 }
 
 #[test]
+fn a_limit_cycle_is_named_and_not_taken_for_the_work_of_the_probe() {
+    let rig = Rig::new();
+    let actuator = "[[actuators]]\nsignal = \"force_n\"\nrange = [-2.0, 2.0]\n";
+    let scenario = teaching_with(&rig, actuator);
+    // The loop is unstable, and its actuator bounds its motion.
+    let unstable = ["--set", "controller.pid.derivative_n_s_per_m=-5"];
+    let reasons = [
+        "saturation",
+        "as a limit cycle does",
+        "so no --amplitude helps",
+    ];
+    let few = ["--frequencies", "1..100/20"];
+    refused(&rig, &scenario, &[few, unstable].concat(), &reasons);
+}
+
+#[test]
+fn a_probe_that_is_far_too_large_is_not_taken_for_an_unstable_loop() {
+    let rig = Rig::new();
+    let large = ["--amplitude", "1e300", "--frequencies", "1..100/20"];
+    let reasons = ["or the probe too large", "lower --amplitude"];
+    refused(&rig, SPRING_MASS, &large, &reasons);
+}
+
+#[test]
 fn a_law_at_its_own_limit_is_refused() {
     let rig = Rig::new();
     let Some([plant, law]) = crossed::programs(&rig) else {
@@ -95,6 +120,30 @@ fn a_law_at_its_own_limit_is_refused() {
         &[&probe[..], &bins].concat(),
         &reasons,
     );
+}
+
+#[test]
+fn a_law_that_gives_no_number_is_refused_with_its_step() {
+    let rig = Rig::new();
+    let Some([plant, _]) = crossed::programs(&rig) else {
+        return;
+    };
+    let scenario = crossed::scenario(&rig, [2.0, 2.0], 0.0, "");
+    let probe = ["--amplitude", "1", "--frequencies", "0.2..50/40"];
+    for (square, run) in [("-1.0", "without the probe"), ("1e-4", "with the probe")] {
+        let option = format!("-DFAILS_ABOVE={square}");
+        let options = ["-DLAW", &option];
+        let law = compiled(&rig, "cc", crossed::SOURCE, "failing-law", &options);
+        let bins = ["--plant-bin", text(&plant), "--controller-bin", text(&law)];
+        let reasons = [
+            "the law gives no usable command",
+            run,
+            "controller's command of step",
+            "is not a finite number",
+        ];
+        let all = [&probe[..], &bins].concat();
+        refused(&rig, text(&scenario), &all, &reasons);
+    }
 }
 
 #[test]

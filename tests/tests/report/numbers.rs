@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use hil_console::terminal::duration::shown_ns;
 use hil_views::offline_page::PAGE;
+use hil_views::prefix::ShownUnit;
 use shared_types::number::{short, short_in};
 
 use super::browser::told;
@@ -48,6 +49,9 @@ const NUMBERS: [f64; 30] = [
     f64::NAN,
 ];
 
+/// Units with prefixes upwards, with some and with none.
+const UNITS: [&str; 5] = ["Pa", "rad/s", "m3/s", "1", "ns"];
+
 /// Numbers of every size, the same in each test.
 fn many() -> Vec<f64> {
     let mut state = 1_u64;
@@ -66,7 +70,7 @@ fn many() -> Vec<f64> {
 }
 
 #[test]
-fn pages_write_numbers_and_times_as_tables_and_terminals_do() {
+fn pages_write_numbers_times_and_units_as_tables_and_terminals_do() {
     let rig = Rig::new();
     let numbers = many();
     let times_ns: Vec<u64> = (0..40)
@@ -84,7 +88,9 @@ fn pages_write_numbers_and_times_as_tables_and_terminals_do() {
         const box = document.createElement('pre');
         box.id = 'told';
         const values = '{}';
-        box.textContent = [listed(values, (value) => number(value)), listed(values, typed), listed('{}', nanoseconds)].join('|');
+        const inUnit = ({{ power, unit }}) => `${{power}} ${{unit}}`;
+        const units = {UNITS:?}.flatMap((unit) => listed(values, (value) => inUnit(shownUnit(unit, value)))).join(' ; ');
+        box.textContent = [listed(values, (value) => number(value)), listed(values, typed), listed('{}', nanoseconds), units].join('|');
         document.body.append(box);",
         encoded(&mut numbers.iter().copied()),
         encoded(&mut times_ns.iter().map(|ns| *ns as f64)),
@@ -97,7 +103,7 @@ fn pages_write_numbers_and_times_as_tables_and_terminals_do() {
         .split('|')
         .map(|list| list.split(" ; ").collect())
         .collect();
-    let [page_numbers, page_fields, page_times] = &lists[..] else {
+    let [page_numbers, page_fields, page_times, page_units] = &lists[..] else {
         panic!("{} lists", lists.len());
     };
     assert_eq!(page_numbers.len(), numbers.len());
@@ -117,10 +123,20 @@ fn pages_write_numbers_and_times_as_tables_and_terminals_do() {
     for (ns, text) in times_ns.iter().zip(page_times) {
         assert_eq!(*text, shown_ns(*ns), "{ns} ns");
     }
+    let units = UNITS
+        .iter()
+        .flat_map(|unit| numbers.iter().map(move |value| (unit, value)));
+    assert_eq!(page_units.len(), UNITS.len() * numbers.len());
+    for ((unit, value), text) in units.zip(page_units) {
+        let expected = ShownUnit::of(unit, *value);
+        let expected = format!("{} {}", expected.power, expected.unit);
+        assert_eq!(text.trim_end(), expected.trim_end(), "{value:e} {unit}");
+    }
 }
 
 #[test]
-fn a_value_is_the_same_text_on_the_terminal_in_the_table_and_below_the_plot() {
+fn a_value_is_the_same_text_on_the_terminal_and_in_the_table_and_has_the_axis_unit_below_the_plot()
+{
     let rig = Rig::new();
     let values = [
         250_122.5,
@@ -173,7 +189,8 @@ fn a_value_is_the_same_text_on_the_terminal_in_the_table_and_below_the_plot() {
         return;
     };
     let below: Vec<&str> = text.split(" ; ").collect();
-    assert_eq!(below, values.map(|value| short_in(value, "m")));
+    // In the unit of the axis, which suits the largest.
+    assert_eq!(below, values.map(|value| short_in(value / 1e6, "Mm")));
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //! [`leftovers`]), the programs under test ([`programs`]), a board for the controller ([`board`]), two hosts with a
 //! wire ([`hosts`]), a guest with a kernel of its own ([`guest`]), a cluster ([`slurm`]), contention ([`company`]),
 //! a terminal ([`terminal`]), inherited signals ([`signals`]), FMUs ([`fmus`]), one of 500 variables
-//! ([`vendor_fmu`]), a Python interpreter ([`python`]) and an independent reader of recordings ([`mcap_reader`]).
+//! ([`vendor_fmu`]), a Python interpreter ([`python`]), packages of npm ([`node`]) and an independent reader of recordings ([`mcap_reader`]).
 
 pub(crate) mod board;
 pub(crate) mod company;
@@ -13,6 +13,7 @@ pub(crate) mod harness;
 pub(crate) mod hosts;
 pub(crate) mod leftovers;
 pub(crate) mod mcap_reader;
+pub(crate) mod node;
 pub(crate) mod programs;
 pub(crate) mod python;
 pub(crate) mod run;

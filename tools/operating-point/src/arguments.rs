@@ -1,6 +1,6 @@
 //! The command lines of `hil linearise` and `hil trim`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use hil_facts::arguments::BinaryArguments;
@@ -78,8 +78,8 @@ Examples:
 #[derive(Debug, Args)]
 pub struct TrimArguments {
     /// The scenario file
-    #[arg(value_name = "SCENARIO.toml")]
-    pub scenario: PathBuf,
+    #[arg(value_name = "SCENARIO.toml", required_unless_present_any = ["hold", "free"])]
+    pub scenario: Option<PathBuf>,
     /// Hold a number of the plant at a value; may be given several times
     #[arg(long, value_name = "SIGNAL=VALUE", num_args = 1..)]
     pub hold: Vec<String>,
@@ -101,4 +101,56 @@ pub struct TrimArguments {
     /// Print the equilibrium as JSON
     #[arg(long)]
     pub json: bool,
+}
+
+/// Scenario and lists of a trim, whatever their order on the command line.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ResolvedLists<'a> {
+    /// Scenario file.
+    pub scenario: Option<&'a Path>,
+    /// Held numbers with their values.
+    pub hold: &'a [String],
+    /// Free commands.
+    pub free: &'a [String],
+}
+
+impl TrimArguments {
+    /// Separates the scenario from a list in front of it, which takes all words that follow its flag.
+    #[must_use]
+    pub fn resolved<'a>(&'a self) -> ResolvedLists<'a> {
+        let (hold, free) = (&self.hold[..], &self.free[..]);
+        if let Some(scenario) = &self.scenario {
+            let scenario = Some(scenario.as_path());
+            return ResolvedLists {
+                scenario,
+                hold,
+                free,
+            };
+        }
+        let is_file = |word: &str| {
+            let path = Path::new(word);
+            path.extension().is_some_and(|ending| ending == "toml") || path.is_file()
+        };
+        let split = |list: &'a [String]| {
+            let (last, rest) = list.split_last()?;
+            is_file(last).then_some((Path::new(last), rest))
+        };
+        match (split(hold), split(free)) {
+            (Some((scenario, hold)), _) => ResolvedLists {
+                scenario: Some(scenario),
+                hold,
+                free,
+            },
+            (None, Some((scenario, free))) => ResolvedLists {
+                scenario: Some(scenario),
+                hold,
+                free,
+            },
+            (None, None) => ResolvedLists {
+                scenario: None,
+                hold,
+                free,
+            },
+        }
+    }
 }

@@ -22,6 +22,9 @@ pub(crate) fn joined(
     if plant.period_s.to_bits() != law.period_s.to_bits() {
         return Err("the law runs at another rate than the plant (controller.rate_hz)".into());
     }
+    if plant.d.iter().any(|by| *by != 0.0) {
+        return Err("an output of the plant depends on a command without delay, which the law sees a step later; use --of plant and --of law".into());
+    }
     let (n_p, n_l, m) = (plant.states.len(), law.states.len(), plant.inputs.len());
     let references = law.inputs.len() - measured;
     let sampled = prefixed("measured", &plant.outputs);
@@ -90,6 +93,7 @@ pub(crate) fn joined(
         ]
         .concat(),
         left_out: [&plant.left_out[..], &law.left_out].concat(),
+        continuous: None,
     })
 }
 

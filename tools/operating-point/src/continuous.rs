@@ -1,4 +1,4 @@
-//! The continuous model of a discrete one whose inputs are held over each period. Exact: no approximation of the hold.
+//! The continuous model of a discrete one whose inputs are held over each period, and the reverse. Exact: no approximation of the hold.
 //!
 //! `exp(T [A_c B_c; 0 0]) = [A B; 0 1]`, so the continuous matrices are the logarithm of the discrete ones. The
 //! logarithm does not exist, or is not real, where A is singular or has an eigenvalue on the negative real axis.
@@ -6,6 +6,7 @@
 use nalgebra::DMatrix;
 use nalgebra::linalg::balancing::balance_parlett_reinsch;
 use shared_types::extremes::larger;
+use shared_types::local_map::LocalMap;
 
 use crate::model::LinearModel;
 use crate::modes;
@@ -56,6 +57,22 @@ pub(crate) fn of(model: &LinearModel) -> Result<Continuous, String> {
         a: log.view((0, 0), (n, n)) / t,
         b: log.view((0, n), (n, m)) / t,
     })
+}
+
+/// Creates the model of a map whose first rows are rates: its inputs are held over each period.
+pub(crate) fn sampled(map: LocalMap) -> LinearModel {
+    let model = LinearModel::of(map);
+    let (n, m) = (model.states.len(), model.inputs.len());
+    let mut joined = DMatrix::zeros(n + m, n + m);
+    joined.view_mut((0, 0), (n, n)).copy_from(&model.a);
+    joined.view_mut((0, n), (n, m)).copy_from(&model.b);
+    let held = exponential(&(joined * model.period_s));
+    LinearModel {
+        a: held.view((0, 0), (n, n)).clone_owned(),
+        b: held.view((0, n), (n, m)).clone_owned(),
+        continuous: Some([model.a, model.b]),
+        ..model
+    }
 }
 
 /// Returns the principal logarithm, by inverse scaling and squaring on the balanced matrix.
@@ -139,7 +156,40 @@ fn norm(matrix: &DMatrix<f64>) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use shared_types::local_map::{Accuracy, Variable};
+
     use super::*;
+
+    #[test]
+    fn a_model_of_rates_is_sampled_with_held_inputs() {
+        // x' = -2 x + 3 u over 0.1 s.
+        let variable = |name: &str| Variable {
+            name: name.into(),
+            unit: "1".into(),
+            value: 0.0,
+        };
+        let accuracy = Accuracy {
+            step: 0.0,
+            error: 0.0,
+        };
+        let model = sampled(LocalMap {
+            period_s: 0.1,
+            states: vec![variable("x")],
+            inputs: vec![variable("u")],
+            outputs: vec![variable("y")],
+            truth: Vec::new(),
+            next: Vec::new(),
+            columns: vec![vec![-2.0, 5.0], vec![3.0, 7.0]],
+            accuracy: vec![accuracy; 2],
+            is_continuous: true,
+        });
+        let decay = libm::exp(-0.2);
+        assert!((model.a[(0, 0)] - decay).abs() < 1e-15);
+        assert!((model.b[(0, 0)] - 1.5 * (1.0 - decay)).abs() < 1e-15);
+        assert_eq!((model.c[(0, 0)], model.d[(0, 0)]), (5.0, 7.0));
+        let [a, b] = model.continuous.expect("stated");
+        assert_eq!((a[(0, 0)], b[(0, 0)]), (-2.0, 3.0));
+    }
 
     fn of_rows<const N: usize>(rows: [[f64; N]; N]) -> DMatrix<f64> {
         DMatrix::from_fn(N, N, |row, column| rows[row][column])

@@ -7,9 +7,9 @@ use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
 use serde::Serialize;
 use shared_types::local_map::{Accuracy, Variable};
-use shared_types::number::{exact, exact_in};
+use shared_types::number::{counted, exact, exact_in};
 
-use crate::continuous;
+use crate::continuous::{self, Continuous};
 use crate::model::{LinearModel, rows};
 use crate::modes::{self, Mode};
 
@@ -30,12 +30,24 @@ pub(crate) struct File {
     outputs: Vec<Variable>,
     /// Rows of the state on which nothing depends at this point.
     left_out: Vec<String>,
+    /// Source of the derivatives.
+    derivatives: Source,
     discrete: Matrices,
     continuous: Option<Matrices>,
     /// Reason why there are no continuous matrices.
     continuous_refused: Option<String>,
     eigenvalues: Vec<Mode>,
     is_stable: bool,
+}
+
+/// Source of derivatives.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+enum Source {
+    /// Differences of the discrete map.
+    Differences,
+    /// Directional derivatives of the continuous equations, by the FMU itself.
+    Directional,
 }
 
 /// State or input with the accuracy of its column.
@@ -84,7 +96,13 @@ impl File {
         };
         let (states, inputs) = model.accuracy.split_at(model.states.len());
         let (c, d) = (rows(&model.c), rows(&model.d));
-        let continuous = continuous::of(model);
+        let continuous = match &model.continuous {
+            Some([a, b]) => Ok(Continuous {
+                a: a.clone(),
+                b: b.clone(),
+            }),
+            None => continuous::of(model),
+        };
         let eigenvalues = modes::of(&model.a, model.period_s)?;
         Ok(Self {
             schema: SCHEMA,
@@ -97,6 +115,10 @@ impl File {
             inputs: named(&model.inputs, inputs),
             outputs: model.outputs.clone(),
             left_out: model.left_out.clone(),
+            derivatives: match model.continuous {
+                Some(_) => Source::Directional,
+                None => Source::Differences,
+            },
             discrete: Matrices {
                 a: rows(&model.a),
                 b: rows(&model.b),
@@ -122,10 +144,15 @@ impl File {
 
     fn write(&self, text: &mut String) -> std::fmt::Result {
         let (at, period) = (exact_in(self.time_s, "s"), exact_in(self.period_s, "s"));
-        let sizes = (self.states.len(), self.inputs.len(), self.outputs.len());
+        let count = |count: usize, noun: &str| counted(count as u64, noun);
+        let sizes = (
+            count(self.states.len(), "state"),
+            count(self.inputs.len(), "input"),
+            count(self.outputs.len(), "output"),
+        );
         writeln!(
             text,
-            "{} of {} at {at}: {} states, {} inputs, {} outputs, period {period}",
+            "{} of {} at {at}: {}, {}, {}, period {period}",
             self.of, self.scenario, sizes.0, sizes.1, sizes.2
         )?;
         if !self.left_out.is_empty() {
@@ -152,6 +179,12 @@ impl File {
             table.row(&[&variable.name, &value, &unit, &step, &error]);
         }
         write!(text, "{table}")?;
+        if self.derivatives == Source::Directional {
+            writeln!(
+                text,
+                "directional derivatives of the FMU; its inputs are held over each period"
+            )?;
+        }
         let mut table = Table::new(2, [left(28), right(14), right(14), right(12)]);
         table.cells(["eigenvalue", "magnitude", "frequency Hz", "damping"]);
         for mode in &self.eigenvalues {

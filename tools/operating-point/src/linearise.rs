@@ -9,11 +9,13 @@ use hil_console::files::destination::Destination;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
-use hil_facts::programs::binaries::Binaries;
+use hil_facts::programs::binaries::host::ModelKind;
+use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::Finder;
 
 use crate::arguments::{LineariseArguments, Part};
 use crate::closed_loop;
+use crate::continuous;
 use crate::file::{File, Origin};
 use crate::model::LinearModel;
 use crate::point::Point;
@@ -32,7 +34,7 @@ pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
         Part::Law => [false, true],
         Part::Loop => [true, true],
     };
-    refuse_unnamed(&plan, &binaries, sides)?;
+    refuse_unnamed(&plan, &binaries, sides, Basis::Derivatives)?;
     if arguments.of != Part::Plant {
         refuse_renamed(&plan)?;
     }
@@ -93,7 +95,10 @@ fn write(mut destination: Destination, file: &File) -> Result<(), Failure> {
 fn plant(asker: &Asker<'_>) -> Result<LinearModel, Failure> {
     let inputs = asker.point.plant_inputs(&asker.plant()?.commands)?;
     let map = asker.ask_plant(&inputs, &Changed::default())?;
-    Ok(LinearModel::of(map).reduced())
+    Ok(match map.is_continuous {
+        true => continuous::sampled(map),
+        false => LinearModel::of(map).reduced(),
+    })
 }
 
 /// Returns the model of the law with the sample of the point, and its number of measured signals.
@@ -104,11 +109,21 @@ fn law(asker: &Asker<'_>) -> Result<(LinearModel, usize), Failure> {
     Ok((LinearModel::of(map).reduced(), law.measured.len()))
 }
 
-/// Refuses sides whose state is bytes without names; `sides` are the plant and the law.
+/// Basis of an operating point in a program.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Basis {
+    /// Named numbers of the state, which can be set.
+    Numbers,
+    /// Named numbers of the state, or the directional derivatives of an FMU.
+    Derivatives,
+}
+
+/// Refuses sides without the basis; `sides` are the plant and the law.
 pub(crate) fn refuse_unnamed(
     plan: &Plan,
     binaries: &Arc<Binaries>,
     sides: [bool; 2],
+    basis: Basis,
 ) -> Result<(), Failure> {
     let (plants, laws, _) = binaries.described();
     let plant = plants.iter().find(|plant| plant.name == plan.plant.model);
@@ -121,19 +136,35 @@ pub(crate) fn refuse_unnamed(
         ("plant", &plan.plant.model, &binaries.plant),
         ("law", &plan.controller.law, &binaries.controller),
     ];
+    let differentiates = |side: &str, binary: &Binary| {
+        let imported = binary.description.imported.as_ref();
+        let has_states = imported.is_some_and(|fmu| !fmu.continuous_states.is_empty());
+        side == "plant" && basis == Basis::Derivatives && has_states
+    };
     let mut both = sides.into_iter().zip(states).zip(names);
-    if let Some((_, (side, name, binary))) =
-        both.find(|((is_needed, state), _)| *is_needed && state.is_none())
-    {
-        let what = match &binary.description.imported {
-            Some(_) => "is an FMU, whose state is bytes",
+    if let Some((_, (side, name, binary))) = both.find(|((is_needed, state), (side, _, binary))| {
+        *is_needed && state.is_none() && !differentiates(side, binary)
+    }) {
+        let what = match binary.host.as_ref().map(|host| host.kind) {
+            Some(ModelKind::Fmu) if basis == Basis::Numbers => {
+                "is an FMU, whose state is bytes and cannot be set to another point"
+            }
+            Some(ModelKind::Fmu) if side == "law" => "is an FMU, whose state is bytes",
+            Some(ModelKind::Fmu) => {
+                "is an FMU that provides no directional derivatives by its continuous states (`providesDirectionalDerivative`, in FMI 3 `providesDirectionalDerivatives`, and their derivatives in the model structure), and whose state is bytes"
+            }
+            Some(ModelKind::Port) => {
+                "is behind a port: hardware, or a program of others, whose state is not known here"
+            }
             None => {
                 "does not name the numbers of its state, which `StateOf::named` does, and `state` in C"
             }
         };
-        return Err(Failure::Differ(format!(
-            "{side} `{name}` {what}: there is no linear model of it"
-        )));
+        let lacks = match basis {
+            Basis::Numbers => "no equilibrium can be solved for",
+            Basis::Derivatives => "there is no linear model of it",
+        };
+        return Err(Failure::Differ(format!("{side} `{name}` {what}: {lacks}")));
     }
     Ok(())
 }

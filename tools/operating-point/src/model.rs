@@ -20,6 +20,8 @@ pub(crate) struct LinearModel {
     pub(crate) accuracy: Vec<Accuracy>,
     /// Rows of the state on which nothing depends at this point.
     pub(crate) left_out: Vec<String>,
+    /// Continuous A and B, if the model itself stated them.
+    pub(crate) continuous: Option<[DMatrix<f64>; 2]>,
 }
 
 impl LinearModel {
@@ -39,6 +41,7 @@ impl LinearModel {
             next: map.next,
             accuracy: map.accuracy,
             left_out: Vec::new(),
+            continuous: None,
         }
     }
 
@@ -86,6 +89,7 @@ mod tests {
             states: ["x", "y", "z"].map(variable).into(),
             inputs: vec![variable("u")],
             outputs: vec![variable("o")],
+            truth: Vec::new(),
             next: vec![1.0, 2.0, 3.0],
             columns: vec![
                 vec![0.5, 0.0, 0.0, 1.0],
@@ -94,6 +98,7 @@ mod tests {
                 vec![0.0, 1.0, 1.0, 0.0],
             ],
             accuracy: vec![accuracy; 4],
+            is_continuous: false,
         })
     }
 

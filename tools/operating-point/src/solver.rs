@@ -413,9 +413,11 @@ mod tests {
                 states: vec![variable("x_m", x[0])],
                 inputs: vec![variable("u_m", u[0])],
                 outputs: vec![variable("y_m", 2.0 * x[0])],
+                truth: Vec::new(),
                 next: vec![next],
                 columns: vec![vec![by_x, 2.0], vec![by_u, 0.0]],
                 accuracy: vec![accuracy; 2],
+                is_continuous: false,
             })
         }
     }

@@ -2,8 +2,7 @@
 //! Finds nothing by running: the equations are those of one period.
 
 use std::collections::BTreeMap;
-use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use hil_console::files::folder;
 use hil_console::terminal::exit::{Exit, Failure};
@@ -11,7 +10,6 @@ use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::checkpoint;
 use hil_facts::programs::scenario::Finder;
-use serde::Serialize;
 use shared_types::describe::{PlantDescription, Settings};
 use shared_types::extremes::larger;
 use shared_types::local_map::{LocalMap, Variable};
@@ -20,8 +18,11 @@ use shared_types::side::Side;
 use shared_types::table::{Field, nearest};
 use shared_types::time::Step;
 
-use crate::arguments::TrimArguments;
-use crate::linearise::{between, refuse_unnamed};
+use crate::arguments::{ResolvedLists, TrimArguments};
+use crate::equilibrium::{Equilibrium, Law, Row};
+use crate::later;
+use crate::limits::exceeded;
+use crate::linearise::{Basis, between, refuse_unnamed};
 use crate::model::LinearModel;
 use crate::modes::{self, Mode};
 use crate::point::Point;
@@ -39,42 +40,6 @@ const ROUGH: Changed<'static> = Changed {
     later_steps: 0,
 };
 
-/// Result of a trim.
-#[derive(Debug, Serialize)]
-struct Trim {
-    scenario: String,
-    time_s: f64,
-    step: u64,
-    states: Vec<Row>,
-    inputs: Vec<Variable>,
-    outputs: Vec<Variable>,
-    evaluations: u32,
-    /// Largest magnitude of an eigenvalue of the plant's map.
-    largest_eigenvalue: f64,
-    is_stable: bool,
-    /// Numbers that the equations do not determine; they are closest to the point.
-    undetermined: Vec<String>,
-    /// State of the law, and the reason if the law does not hold the equilibrium.
-    law: Law,
-    /// Largest relative residual of a state at later times.
-    later_residual: f64,
-    checkpoint: PathBuf,
-}
-
-/// State with its residual.
-#[derive(Debug, Serialize)]
-struct Row {
-    #[serde(flatten)]
-    variable: Variable,
-    residual: f64,
-}
-
-#[derive(Debug, Default, Serialize)]
-struct Law {
-    states: Vec<Variable>,
-    refused: Option<String>,
-}
-
 /// Runs the command.
 ///
 /// # Errors
@@ -82,17 +47,25 @@ struct Law {
 pub fn trim(arguments: &TrimArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let mut finder = Finder::new(&arguments.binaries, None, &interruption);
-    let (plan, binaries) = finder.read(&arguments.scenario, &arguments.changes, arguments.json)?;
-    refuse_unnamed(&plan, &binaries, [true, false])?;
+    let ResolvedLists {
+        scenario,
+        hold,
+        free,
+    } = arguments.resolved();
+    let scenario = scenario.ok_or_else(|| {
+        Failure::usage("the scenario is missing; hil trim SCENARIO.toml --hold SIGNAL=VALUE")
+    })?;
+    let (plan, binaries) = finder.read(scenario, &arguments.changes, arguments.json)?;
+    refuse_unnamed(&plan, &binaries, [true, false], Basis::Numbers)?;
     let plant = plan.whole_plant_among(binaries.described().0);
     let plant = plant.ok_or_else(|| Failure::infrastructure("the plant is missing"))?;
     // Refused before anything runs.
-    let (problem, inputs) = problem(plant, &arguments.hold, &arguments.free)?;
+    let (problem, inputs) = problem(plant, hold, free)?;
     let first_s = plan.run.rate.seconds(Step(1));
     let at_s = match arguments.at {
         Some(at_s) if at_s < first_s => {
             return Err(Failure::usage(format!(
-                "--at {}: a checkpoint has a past; the first step that can have one is at {}",
+                "--at {} is too early: a checkpoint has a past; the first step that can have one is at {}",
                 exact(at_s),
                 exact_in(first_s, "s")
             )));
@@ -117,7 +90,7 @@ pub fn trim(arguments: &TrimArguments) -> Result<Exit, Failure> {
     };
     let result = trimmed(&asker, &problem, &inputs, scratch.path());
     let result = result.inspect_err(|_| discard())?;
-    output::result(arguments.json, &result, || text(&result))?;
+    output::result(arguments.json, &result, || result.text())?;
     Ok(Exit::Pass)
 }
 
@@ -202,7 +175,7 @@ fn trimmed(
     problem: &Problem,
     held_inputs: &Settings,
     scratch: &Path,
-) -> Result<Trim, Failure> {
+) -> Result<Equilibrium, Failure> {
     let plant = asker.plant()?;
     let mut inputs = asker.point.plant_inputs(&plant.commands)?;
     inputs.0.extend(held_inputs.0.clone());
@@ -220,7 +193,7 @@ fn trimmed(
     refuse(&solution, plant, problem)?;
     let map = &solution.map;
     let (states, inputs) = (values(&map.states), values(&map.inputs));
-    let later_residual = later(asker, &states, &inputs)?;
+    let later_residual = later_residual(asker, &states, &inputs)?;
 
     let changed = Changed {
         state: states,
@@ -235,7 +208,7 @@ fn trimmed(
     let modes = modes::of(&reduced.a, reduced.period_s).map_err(Failure::Differ)?;
     let largest = modes.first().map_or(0.0, |mode| mode.magnitude);
     let rows = map.states.iter().zip(&map.next);
-    Ok(Trim {
+    Ok(Equilibrium {
         scenario: asker.point.plan.name.clone(),
         time_s: asker.point.time_s(),
         step: asker.point.step.0,
@@ -251,6 +224,8 @@ fn trimmed(
         largest_eigenvalue: largest,
         is_stable: modes.iter().all(Mode::decays),
         undetermined: solution.undetermined.clone(),
+        exceeded: exceeded(&asker.point.plan, plant, map),
+        still_to_come: later::events(&asker.point.plan, asker.point.step),
         law,
         later_residual,
         checkpoint: asker.point.checkpoint.clone().unwrap_or_default(),
@@ -308,7 +283,7 @@ fn refuse(solution: &Solution, plant: &PlantDescription, problem: &Problem) -> R
 }
 
 /// Returns the largest relative change of a state in one period at later times.
-fn later(asker: &Asker<'_>, states: &Settings, inputs: &Settings) -> Result<f64, Failure> {
+fn later_residual(asker: &Asker<'_>, states: &Settings, inputs: &Settings) -> Result<f64, Failure> {
     let rest = asker.point.plan.run.steps - asker.point.step.0;
     let mut largest = 0.0_f64;
     for share in LATER {
@@ -409,62 +384,4 @@ fn replace(asker: &Asker<'_>, side: Side, scratch: &Path) -> Result<(), Failure>
         &scratch.join(side.file(asker.point.step)),
         "its state is that of hil trim, not of the run",
     )
-}
-
-fn text(trim: &Trim) -> String {
-    output::text(|text| write(text, trim))
-}
-
-fn write(text: &mut String, trim: &Trim) -> std::fmt::Result {
-    let at = exact_in(trim.time_s, "s");
-    writeln!(
-        text,
-        "equilibrium of {} at {at}, after {} evaluations",
-        trim.scenario, trim.evaluations
-    )?;
-    for Row { variable, residual } in &trim.states {
-        let (name, value) = (&variable.name, exact_in(variable.value, &variable.unit));
-        writeln!(
-            text,
-            "  {name} = {value}, which changes by {residual:.1e} in a step"
-        )?;
-    }
-    for input in &trim.inputs {
-        writeln!(
-            text,
-            "  {} = {}",
-            input.name,
-            exact_in(input.value, &input.unit)
-        )?;
-    }
-    if !trim.undetermined.is_empty() {
-        let names = trim.undetermined.join(", ");
-        writeln!(text, "not the only one: closest to the point in {names}")?;
-    }
-    let magnitude = trim.largest_eigenvalue;
-    if !trim.is_stable {
-        let what = match modes::integrates(magnitude) {
-            true => "integrates",
-            false => "is not stable",
-        };
-        writeln!(
-            text,
-            "the plant {what} there: an eigenvalue has the magnitude {magnitude}"
-        )?;
-    }
-    if trim.later_residual > 1e-9 {
-        let later = trim.later_residual;
-        writeln!(
-            text,
-            "the plant depends on time: later in the run a state changes by {later:.1e} of itself in a step, so the run will not stay"
-        )?;
-    }
-    match &trim.law.refused {
-        None => writeln!(text, "the law holds it")?,
-        Some(reason) => writeln!(
-            text,
-            "the law does not hold it, and keeps its state: {reason}"
-        )?,
-    }
-    writeln!(text, "hil run --from {}", trim.checkpoint.display())
 }

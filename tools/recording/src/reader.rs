@@ -45,6 +45,7 @@ pub struct RunReader {
     path: PathBuf,
     content: Content,
     columns: Vec<Column>,
+    descriptions: BTreeMap<String, String>,
     hashed_words: usize,
     /// Channels by ID, with the encoding of events for channels that carry no records.
     channels: BTreeMap<u16, Option<String>>,
@@ -97,6 +98,7 @@ impl RunReader {
             path,
             content,
             columns: Vec::new(),
+            descriptions: BTreeMap::new(),
             hashed_words: 0,
             channels: BTreeMap::new(),
             schemas: BTreeMap::new(),
@@ -159,6 +161,12 @@ impl RunReader {
     #[must_use]
     pub fn columns(&self) -> &[Column] {
         &self.columns
+    }
+
+    /// Returns the description of a signal by the name of its column; `None` for words that are not signals.
+    #[must_use]
+    pub fn description(&self, name: &str) -> Option<&str> {
+        self.descriptions.get(name).map(String::as_str)
     }
 
     /// Returns the index of a word of a record by its name.
@@ -348,7 +356,8 @@ impl RunReader {
             Record::Channel(channel) if channel.topic == RECORD_TOPIC => {
                 self.channels.insert(channel.id, None);
                 let schema = self.schemas.get(&channel.schema_id);
-                let Some(columns) = schema::columns_of(schema.map_or("", String::as_str)) else {
+                let schema = schema.map_or("", String::as_str);
+                let Some(columns) = schema::columns_of(schema) else {
                     return Err(self.foreign("the file's schema is invalid"));
                 };
                 if !self.columns.is_empty() && columns != self.columns {
@@ -358,6 +367,7 @@ impl RunReader {
                 }
                 self.columns = columns;
                 self.hashed_words = schema::hashed(&self.columns);
+                self.descriptions = schema::descriptions_of(schema);
             }
             Record::Channel(channel) if channel.topic == EVENT_TOPIC => {
                 (self.channels).insert(channel.id, Some(channel.message_encoding));

@@ -48,6 +48,8 @@ struct Pair {
     runs: u64,
     /// `true` once a record of the latest run arrived.
     has_begun: bool,
+    /// `true` if the plant ends with the latest run.
+    ends: bool,
     /// Number of the run to repeat in new processes.
     checked: u64,
 }
@@ -84,7 +86,7 @@ impl Kept {
     }
 
     /// Executes a plan in an existing or a new pair; its records go to the sink that `sink` creates for their layout,
-    /// and nothing judges them.
+    /// and nothing judges them. A run that ends with an invalid command has ended by itself.
     ///
     /// # Errors
     /// If a side died, refused its job or was late, or the run was interrupted.
@@ -155,7 +157,9 @@ impl Kept {
         for other in &mut self.pairs {
             let _ = other.plant.has_ended() | other.controller.has_ended(); // reported when the pair is needed
         }
-        self.pairs.push(pair);
+        if !pair.ends {
+            self.pairs.push(pair);
+        }
         if self.pairs.len() > MOST_PAIRS {
             self.pairs.remove(0);
         }
@@ -238,6 +242,7 @@ impl Pair {
             layout,
             runs: 0,
             has_begun: false,
+            ends: false,
             checked: 1,
         })
     }
@@ -298,6 +303,7 @@ impl Pair {
             plant,
             controller,
             has_begun,
+            ends,
             ..
         } = self;
         let mut observed = Observed {
@@ -318,6 +324,10 @@ impl Pair {
         interruption.check()?;
         match (observed.error, observed.end) {
             (None, Some(end)) if matches!(end.outcome, Outcome::Completed | Outcome::Diverged) => {
+                Ok((end, observed.sink))
+            }
+            (None, Some(end)) if end.is_of_invalid_command() => {
+                *ends = true;
                 Ok((end, observed.sink))
             }
             (error, end) => {

@@ -57,11 +57,12 @@ pub struct Evidence {
 /// Writes the evidence of runs.
 ///
 /// # Errors
-/// If a run has no summary, the list cannot be read, or a file exists or cannot be written.
+/// If a run has no summary or is listed twice, the list cannot be read, or a file exists or cannot be written.
 pub fn write(request: &Request<'_>) -> Result<Evidence, Failure> {
     let listed = request.needs.map(listed::read).transpose()?;
     let runs: Vec<RecordedRun> =
         (request.runs.iter().map(|path| RecordedRun::read(path))).collect::<Result<_, _>>()?;
+    refuse_repeated(&runs)?;
     let folder = request.folder;
     fs::create_dir_all(folder)
         .map_err(|error| Failure::usage(format!("cannot create {}: {error}", folder.display())))?;
@@ -93,6 +94,21 @@ pub fn write(request: &Request<'_>) -> Result<Evidence, Failure> {
         untested: untested.iter().map(|listed| listed.id.clone()).collect(),
         unknown: unknown.unwrap_or_default(),
         unlinked: tests().filter(|test| test.verifies.is_empty()).count(),
+    })
+}
+
+/// Refuses a run that is listed twice, whose tests would count twice.
+fn refuse_repeated(runs: &[RecordedRun]) -> Result<(), Failure> {
+    let mut folders = HashSet::new();
+    let repeated = runs.iter().find(|run| {
+        let folder = run.folder.canonicalize();
+        !folders.insert(folder.unwrap_or_else(|_| run.folder.clone()))
+    });
+    repeated.map_or(Ok(()), |run| {
+        Err(Failure::usage(format!(
+            "the run {} is given twice; its tests count once",
+            run.folder.display()
+        )))
     })
 }
 

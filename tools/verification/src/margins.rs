@@ -19,6 +19,7 @@ use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::tables::FORMATS;
+use shared_types::number::counted;
 use shared_types::time::Step;
 
 use crate::arguments::margins::MarginsArguments;
@@ -67,8 +68,10 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
         true => vec![end_s],
         false => arguments.at.clone(),
     };
-    if points.iter().any(|at_s| !(0.0..=1e6).contains(at_s)) {
-        return Err(Failure::usage("--at must be from 0 to 1000000 s"));
+    if let Some(at_s) = points.iter().find(|at_s| !(0.0..=1e6).contains(*at_s)) {
+        return Err(Failure::usage(format!(
+            "--at must be from 0 to 1000000 s, not {at_s}"
+        )));
     }
     if let Some(path) = &arguments.output {
         // A file that cannot be written is known before the measurement.
@@ -224,7 +227,8 @@ fn plan(arguments: &MarginsArguments, scenario: &Scenario, rig: &Rig) -> Result<
         let count = plan.faults.len();
         if number > count {
             return Err(Failure::usage(format!(
-                "--fault {number}: the scenario has {count} faults"
+                "--fault {number}: the scenario has {}",
+                counted(count as u64, "fault")
             )));
         }
         let after = number

@@ -17,6 +17,7 @@ pub mod monitor;
 pub mod offline_page;
 pub mod panel;
 pub mod plots;
+pub mod prefix;
 pub mod report;
 pub mod table_file;
 pub mod values;

@@ -6,6 +6,7 @@
 
 pub mod bounds;
 pub mod signal;
+pub mod words;
 
 use glob::Pattern;
 use hil_config::expression::Group;

@@ -10,6 +10,7 @@
 
 mod data;
 mod envelope;
+mod first;
 mod grid;
 mod label;
 pub(crate) mod page;

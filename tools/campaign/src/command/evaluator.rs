@@ -23,6 +23,7 @@ use hil_facts::arguments::BinaryArguments;
 use hil_run::alone;
 use hil_run::kept::Kept;
 use shared_types::number::short;
+use shared_types::record::RunEnd;
 
 use super::cases::Cases;
 use super::plan::ineffective;
@@ -385,10 +386,18 @@ impl PointRunner<'_> {
                 self.kept.write(|journal| journal.row(&row, wall_s, None))?;
                 Ok(row)
             }
-            Err(why) => Err(Failure::infrastructure(format!(
-                "{} has no result: {why}",
-                case.label
-            ))),
+            Err(why) => {
+                let advice = match why.contains(RunEnd::INVALID_COMMAND) {
+                    true => {
+                        "; the law gives no usable command there: narrow the range in [[vary]] to values at which it does, or mend the law; finished runs are kept"
+                    }
+                    false => "",
+                };
+                let label = case.label;
+                Err(Failure::infrastructure(format!(
+                    "{label} has no result: {why}{advice}"
+                )))
+            }
         }
     }
 }

@@ -2,13 +2,14 @@
 //!
 //! 1. The available results are read once, and [`answers`] evaluates them.
 //! 2. [`data`] packs margins, metrics and varied values for the script, [`envelopes`] the curves over time.
-//! 3. [`tables`] renders the parts that need no script, [`page`] joins everything.
+//! 3. [`tables`] and [`indices`] render the parts that need no script, [`page`] joins everything.
 //!
 //! The page loads nothing: its policy forbids connections, and all text of the study is escaped. The page evaluates
 //! nothing: its numbers are those of `hil campaign show`.
 
 mod data;
 mod envelopes;
+mod indices;
 mod numbers;
 mod page;
 mod tables;

@@ -146,8 +146,13 @@ impl<P: Program> Program for Described<'_, P> {
         Ok(())
     }
 
-    fn linearise(&self, _question: &Path) -> Result<LocalMap, String> {
-        Err("the state of an FMU is bytes without names, so it has no linear model here".into())
+    fn linearise(&self, question: &Path) -> Result<LocalMap, String> {
+        match self.side() {
+            Side::Plant => self.inner.linearise(question),
+            Side::Controller => Err(
+                "the state of a law in an FMU is bytes, so it has no linear model here; that of a plant in an FMU may".into(),
+            ),
+        }
     }
 
     fn serve(&self, session: &SessionInfo, supervision: &Supervision) -> Result<u8, String> {

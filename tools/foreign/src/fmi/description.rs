@@ -88,6 +88,10 @@ pub struct ModelDescription {
     pub variables: Vec<Variable>,
     /// Direct dependencies of the outputs that the model structure lists.
     pub dependencies: Vec<Dependency>,
+    /// Set if the FMU provides directional derivatives of its equations.
+    pub differentiates: bool,
+    /// Continuous states that the model structure lists; empty without directional derivatives.
+    pub states: Vec<ContinuousState>,
     /// Remarks on attributes that violate the standard and are ignored.
     pub notes: Vec<String>,
 }
@@ -123,6 +127,15 @@ pub struct BaseUnit {
 
 /// Names of the base units, in the order of the exponents.
 pub const BASE_UNITS: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+
+/// Continuous state with its derivative by time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ContinuousState {
+    /// Index of the state's variable.
+    pub variable: usize,
+    /// Value reference of the derivative.
+    pub derivative: u32,
+}
 
 /// Direct dependency of an output.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -30,6 +30,7 @@ use confirmation::Unconfirmed;
 use instantiation::instantiate;
 
 mod confirmation;
+mod derivatives;
 mod instantiation;
 mod preset;
 mod saved;

@@ -62,6 +62,36 @@ pub(super) type GetThree =
 pub(super) type SetThree =
     unsafe extern "C" fn(Handle, *const u32, usize, *const c_void, usize) -> c_int;
 
+/// `fmi2GetDirectionalDerivative`: instance, unknowns, their number, knowns, their number, seed, result.
+pub(super) type DerivativeTwo = unsafe extern "C" fn(
+    Handle,
+    *const u32,
+    usize,
+    *const u32,
+    usize,
+    *const f64,
+    *mut f64,
+) -> c_int;
+/// `fmi3GetDirectionalDerivative`: as in FMI 2, with the lengths of seed and result.
+pub(super) type DerivativeThree = unsafe extern "C" fn(
+    Handle,
+    *const u32,
+    usize,
+    *const u32,
+    usize,
+    *const f64,
+    usize,
+    *mut f64,
+    usize,
+) -> c_int;
+
+/// Function for directional derivatives.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum DerivativeFunction {
+    Two(DerivativeTwo),
+    Three(DerivativeThree),
+}
+
 /// Functions that read and write variables of one type.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Access {
@@ -162,6 +192,8 @@ pub(super) struct Uses {
     pub(super) tool: bool,
     /// Structural parameters are set.
     pub(super) configuration: bool,
+    /// Directional derivatives are promised.
+    pub(super) derivatives: bool,
 }
 
 /// Functions of a library that are called.
@@ -174,6 +206,8 @@ pub(super) struct Functions {
     pub(super) state: Option<StateFunctions>,
     /// Entry and exit of configuration mode, in which structural parameters are set.
     pub(super) configuration: Option<[OnInstance; 2]>,
+    /// Directional derivatives; `None` also if the library lacks what its description promises, because no run needs it.
+    pub(super) derivative: Option<DerivativeFunction>,
     pub(super) access: BTreeMap<VariableType, Access>,
 }
 
@@ -225,6 +259,10 @@ impl Functions {
                         find.function("EnterConfigurationMode")?,
                         find.function("ExitConfigurationMode")?,
                     ]),
+                    false => None,
+                },
+                derivative: match uses.derivatives {
+                    true => find.derivative().ok(),
                     false => None,
                 },
                 access: (kinds.iter())
@@ -328,6 +366,19 @@ impl Find<'_> {
                 size: self.function(&format!("SerializedFMU{state}Size"))?,
                 serialize: self.function(&format!("SerializeFMU{state}"))?,
                 deserialize: self.function(&format!("{de}FMU{state}"))?,
+            })
+        }
+    }
+
+    /// # Safety
+    /// See [`own`](Self::own).
+    unsafe fn derivative(&self) -> Result<DerivativeFunction, LibraryError> {
+        let name = "GetDirectionalDerivative";
+        // SAFETY: the types are those of the headers.
+        unsafe {
+            Ok(match self.version {
+                Version::Two => DerivativeFunction::Two(self.function(name)?),
+                Version::Three => DerivativeFunction::Three(self.function(name)?),
             })
         }
     }

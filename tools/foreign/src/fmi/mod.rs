@@ -6,7 +6,8 @@
 //! 3. `library` loads the shared library, unpacked into a [private folder](PrivateFolder); `instance` calls its
 //!    functions in the order of the standard, `values` converts rows to its types and sets and reads them, and `journal` receives its
 //!    messages.
-//! 4. [`sides`] turns the FMU into a plant or a law for the program `hil-fmu`.
+//! 4. [`sides`] turns the FMU into a plant or a law for the program `hil-fmu`; `linear` is the linear model of a plant that
+//!    provides directional derivatives.
 //!
 //! An FMU is third-party native code. It runs in its own process, so that a crash is reported as the loss of that side;
 //! apart from that, it has all the rights of the user.
@@ -32,6 +33,7 @@ pub mod description;
 mod instance;
 mod journal;
 mod library;
+mod linear;
 mod settable;
 pub mod sides;
 mod start;
@@ -280,6 +282,9 @@ impl Fmu {
         if !start.texts.is_empty() {
             kinds.push(VariableType::String);
         }
+        if !tables.states.is_empty() {
+            kinds.push(VariableType::Float64);
+        }
         let functions = Functions::load(
             &unpacked.folder().join(library),
             description.version,
@@ -288,6 +293,7 @@ impl Fmu {
                 state: description.saves,
                 tool: description.needs_tool,
                 configuration: !start.structural.row.is_empty(),
+                derivatives: description.differentiates,
             },
         )?;
         Ok(Loaded {

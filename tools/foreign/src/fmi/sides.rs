@@ -10,11 +10,13 @@ use plant_process::plant::{Model as PlantModel, PlantKind};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription, PlantDescription};
 use shared_types::failure::Failure;
+use shared_types::local_map::LocalMap;
 use shared_types::state::State;
 use shared_types::table::Field;
 use shared_types::time::Interval;
 
 use super::instance::{Instance, check_period};
+use super::linear;
 use super::tables::{Column, reference_name};
 use super::{Fmu, FmuError, Model};
 
@@ -195,6 +197,10 @@ impl PlantModel for FmuPlant {
 
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
         self.0.restore(state)
+    }
+
+    fn differentiated(&mut self, inputs: &[f64], length_s: f64) -> Result<LocalMap, Invalid> {
+        linear::map(&mut self.0, inputs, length_s)
     }
 }
 

@@ -13,7 +13,9 @@ use shared_types::layout::{MOST_FIELDS, is_line};
 use shared_types::spelling::{spelled, spelled_all};
 use shared_types::table::Field;
 
-use super::description::{Causality, ModelDescription, Variable, VariableType, Version};
+use super::description::{
+    Causality, ContinuousState, ModelDescription, Variable, VariableType, Version,
+};
 use super::settable::{is_settable_text, with_initial_value};
 use aliases::Aliases;
 use units::Units;
@@ -48,6 +50,8 @@ pub struct Tables {
     pub outputs: Vec<Column>,
     /// Requested local signals.
     pub locals: Vec<Column>,
+    /// Continuous states, if the FMU differentiates its equations by them; no run uses these.
+    pub states: Vec<Column>,
     /// Further facts about the import.
     pub imported: Imported,
 }
@@ -137,6 +141,9 @@ impl Tables {
                 "no inner signal of the FMU matches {pattern:?}; list them with `hil describe`"
             )));
         }
+        tables.states = states(model, &units);
+        let names = tables.states.iter().map(|column| &column.field.name);
+        tables.imported.continuous_states = names.cloned().collect();
         tables.check_names(model)?;
         aliases.give_to(&mut tables);
         tables.imported.direct = tables.direct(model);
@@ -335,6 +342,18 @@ fn column(
         variable: place,
         element,
     })
+}
+
+/// Returns the columns of the continuous states. Arrays, and names that are none here, leave the FMU without any.
+fn states(model: &ModelDescription, units: &Units<'_>) -> Vec<Column> {
+    let of_state = |state: &ContinuousState| {
+        let variable = &model.variables[state.variable];
+        let is_number = variable.kind == VariableType::Float64 && variable.dimensions.is_empty();
+        let column = column(variable, state.variable, 0, units).ok();
+        column.filter(|_| is_number)
+    };
+    let all: Option<Vec<Column>> = model.states.iter().map(of_state).collect();
+    all.unwrap_or_default()
 }
 
 /// Describes a variable without a description in the FMU by its role and type.

@@ -11,6 +11,7 @@ pub(crate) mod runs;
 pub(crate) mod swap;
 pub(crate) mod target;
 
+use std::any::TypeId;
 use std::ffi::OsString;
 
 use clap::builder::styling::Style;
@@ -278,7 +279,29 @@ pub(crate) fn command() -> clap::Command {
     let template = format!(
         "{{about-with-newline}}\n{{usage-heading}} {{usage}}\n\n{groups}{heading}Options:{heading:#}\n{{options}}"
     );
-    CommandLine::command().help_template(template)
+    with_negative_numbers(CommandLine::command().help_template(template))
+}
+
+/// Lets every option that takes a number take a negative one, so that the number is refused by its range and not as an
+/// unknown option.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let is_number = |argument: &clap::Arg| {
+        let kind = argument.get_value_parser().type_id();
+        let numbers = [
+            TypeId::of::<f64>(),
+            TypeId::of::<u16>(),
+            TypeId::of::<u32>(),
+            TypeId::of::<u64>(),
+            TypeId::of::<usize>(),
+        ];
+        argument.get_long().is_some() && numbers.into_iter().any(|number| kind == number)
+    };
+    command
+        .mut_args(|argument| match is_number(&argument) {
+            true => argument.allow_negative_numbers(true),
+            false => argument,
+        })
+        .mut_subcommands(with_negative_numbers)
 }
 
 /// Returns the subcommand that was typed, so that errors show its usage.
@@ -339,6 +362,20 @@ fn in_words(mut error: clap::Error, typed: &[OsString]) -> clap::Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_negative_number_is_the_value_of_its_option_in_every_command() {
+        for typed in [
+            "trim s.toml --at -1",
+            "linearise s.toml --of plant --at -0.5",
+            "margins s.toml --at -1 --amplitude -2",
+            "set a=1 --at -1",
+        ] {
+            let words = ["hil"].into_iter().chain(typed.split(' '));
+            let matches = command().try_get_matches_from(words);
+            assert!(matches.is_ok(), "{typed}: {matches:?}");
+        }
+    }
 
     #[test]
     fn an_invalid_number_is_explained_in_words() {

@@ -32,7 +32,7 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             (paths.collect(), &[Scenario])
         }
         Command::Margins(arguments) => (vec![arguments.scenario.as_path()], &[Scenario]),
-        Command::Trim(it) => (vec![it.scenario.as_path()], &[Scenario]),
+        Command::Trim(it) => (it.resolved().scenario.into_iter().collect(), &[Scenario]),
         Command::Linearise(it) => (vec![it.scenario.as_path()], &[Scenario]),
         Command::Config(arguments) => match &arguments.action {
             ConfigAction::Check(it) => (vec![it.scenario.as_path()], &[Scenario]),

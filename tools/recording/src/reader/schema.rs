@@ -75,6 +75,27 @@ pub(super) fn columns_of(schema: &str) -> Option<Vec<Column>> {
     (columns.first()?.name == "step").then_some(columns)
 }
 
+/// Parses the descriptions of signals, by the names of their columns, from a schema whose columns are valid.
+pub(super) fn descriptions_of(schema: &str) -> BTreeMap<String, String> {
+    let mut descriptions = BTreeMap::new();
+    for part in schema.split(crate::schema::RULER).skip(1) {
+        let name = part.trim_start().strip_prefix("MSG: hil_msgs/");
+        let Some((message, fields)) = name.and_then(|rest| rest.split_once('\n')) else {
+            continue;
+        };
+        let group = message.trim().to_ascii_lowercase();
+        for line in fields.lines() {
+            let comment = line
+                .split_once("# [")
+                .and_then(|(_, rest)| rest.split_once(']'));
+            if let (Some(("float64", name, _)), Some((_, text))) = (field(line), comment) {
+                descriptions.insert(format!("{group}.{name}"), text.trim().to_owned());
+            }
+        }
+    }
+    descriptions
+}
+
 /// Parses the type and length of an array.
 fn array(kind: &str) -> Option<(&str, usize)> {
     let (scalar, count) = kind.strip_suffix(']')?.split_once('[')?;

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use hil_console::files::runs::{self, SUMMARY};
 use hil_console::terminal::exit::Failure;
 use hil_facts::results::requirements::VACUOUS;
+use hil_recording::reader::RECORDING;
 use serde::Deserialize;
 use shared_types::text::{line_if_any, line_of, lines_of};
 
@@ -88,9 +89,19 @@ impl RecordedRun {
         let file = folder.join(SUMMARY);
         let file_text = file.display();
         let summary = runs::summary(&file).ok_or_else(|| {
-            Failure::usage(format!(
-                "cannot read {file_text}: it is missing, not JSON, or too large; `hil recover` makes the summary of a run that has none"
-            ))
+            let path_text = path.display();
+            Failure::usage(if !path.exists() {
+                format!("there is no run {path_text}; `hil runs` lists those made here")
+            } else if file.exists() {
+                format!("cannot read {file_text}: it is not JSON, or too large")
+            } else if folder.join(RECORDING).exists() {
+                format!(
+                    "{file_text} is missing; `hil recover {}` makes it from the recording",
+                    folder.display()
+                )
+            } else {
+                format!("{path_text} is no run: it has neither a summary nor a recording")
+            })
         })?;
         let run: Self = serde_json::from_value(summary)
             .map_err(|error| Failure::usage(format!("{file_text} is not a summary: {error}")))?;

@@ -150,11 +150,12 @@ impl Measurement<'_> {
             turns: tones,
         }))?;
         let rate = self.loops.plan.run.rate;
-        let refused = refusal::limited(self.loops.commands, &motion.limited).or_else(|| {
-            let growth = motion.steady_growth_over(self.own)?;
-            let period_s = rate.seconds(Step(self.loops.course.period_steps));
-            Some(refusal::growing(growth, period_s, "with the probe"))
-        });
+        let refused = refusal::limited(self.loops.commands, &motion.limited, &self.own.limited)
+            .or_else(|| {
+                let growth = motion.steady_growth_over(self.own)?;
+                let period_s = rate.seconds(Step(self.loops.course.period_steps));
+                Some(refusal::growing(growth, period_s, "with the probe"))
+            });
         match refused {
             Some(reason) => Err(Stop::Refused(reason)),
             None => Ok(motion),

@@ -118,15 +118,21 @@ impl Loops<'_> {
             .collect();
         let sink = |layout: &RecordLayout| Series::new(layout, self, excited, &limits);
         let (end, series) = self.rig.observe(&plan, sink, self.interruption)?;
-        let reason = end.reason.unwrap_or_else(|| "it did not complete".into());
+        let reason = end.reason.as_deref().unwrap_or("it did not complete");
         let with = match excited {
             Some(_) => "with the probe",
             None => "without the probe",
         };
         match end.outcome {
             Outcome::Completed => Ok(series.motion),
-            Outcome::Diverged => Err(Stop::Refused(format!(
-                "the loop is unstable: the run {with} diverges: {reason}"
+            Outcome::Diverged => Err(Stop::Refused(match excited {
+                None => format!("the loop is unstable: the run {with} diverges: {reason}"),
+                Some(_) => format!(
+                    "the loop is unstable, or the probe too large: the run {with} diverges: {reason}; lower --amplitude if the loop is stable"
+                ),
+            })),
+            _ if end.is_of_invalid_command() => Err(Stop::Refused(format!(
+                "the law gives no usable command: the run {with} ends with {reason}; a loop has margins where its commands are finite and in range, so choose another --at or a smaller --amplitude, or mend the law"
             ))),
             _ => Err(Stop::Refused(format!(
                 "the run {with} ends early: {reason}"

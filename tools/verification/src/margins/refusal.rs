@@ -104,13 +104,20 @@ pub(super) fn figures(points: &[Point], margins: &Margins) -> [Option<String>; 2
     [gain, reason(margins.disc[0], &to_distance)]
 }
 
-/// Returns the reason if an actuator stood at the end of its range while the probe ran.
-pub(super) fn limited(commands: &[String], limited: &[u64]) -> Option<String> {
-    let both = commands.iter().zip(limited);
-    let (command, steps) = both.max_by_key(|(_, steps)| **steps)?;
+/// Returns the reason if an actuator stood at the end of its range while the probe ran; `own` has the steps at which it
+/// does so without tones.
+pub(super) fn limited(commands: &[String], limited: &[u64], own: &[u64]) -> Option<String> {
+    let all = commands.iter().zip(limited).zip(own);
+    let ((command, steps), own) = all.max_by_key(|((_, steps), _)| **steps)?;
     (*steps > 0).then(|| {
+        let advice = match own {
+            0 => "lower --amplitude, or choose another --at".to_owned(),
+            own => format!(
+                "without the probe the loop's own motion takes it there at {own} steps, as a limit cycle does, so no --amplitude helps; choose another --at, or mend the loop"
+            ),
+        };
         format!(
-            "saturation: the actuator of command.{command} is at the end of its range at {steps} steps while the probe runs; lower --amplitude, or choose another --at"
+            "saturation: the actuator of command.{command} is at the end of its range at {steps} steps while the probe runs; {advice}"
         )
     })
 }

@@ -17,6 +17,8 @@ use super::span::Span;
 
 /// Largest number of runs of each command that add frequencies.
 const REFINEMENTS: usize = 2;
+/// Places between the neighbours of a measured frequency at which S is interpolated.
+const PLACES: u32 = 64;
 /// Sweeps over rows and columns in balancing.
 const SWEEPS: usize = 50;
 
@@ -69,21 +71,70 @@ pub(super) fn measure(
         let columns: Vec<&[Fitted]> = columns.iter().map(Vec::as_slice).collect();
         add(&mut all, &tones, &columns);
     }
-    let least = |of: &dyn Fn(&Sensitivity) -> f64| {
-        let values = all.iter().map(|(turns, all)| (of(all), *turns));
-        values.min_by(|a, b| a.0.total_cmp(&b.0))
-    };
-    let (margin, turns) = least(&|all| balanced_margin(&all[0]))
+    let least = |course: Interpolation, window: usize| least(&all, window, course, balanced_margin);
+    let (margin, turns) = least(Interpolation::Parabola, 0)
         .filter(|(margin, _)| margin.is_finite())
         .ok_or_else(|| Stop::Refused("there is no response".into()))?;
-    let windows = (1..=WINDOWS).filter_map(|window| least(&|all| balanced_margin(&all[window])));
-    let interval = windows.map(|(value, _)| value).fold([margin; 2], extended);
+    let windows = (1..=WINDOWS).filter_map(|window| least(Interpolation::Parabola, window));
+    let others = windows.chain(least(Interpolation::Line, 0));
+    let interval = others.map(|(value, _)| value).fold([margin; 2], extended);
+    let unscaled = self::least(&all, 0, Interpolation::Parabola, reciprocal);
     Ok(Together {
         margin,
-        frequency_hz: span.hz(turns),
+        frequency_hz: span.hz(1) * turns,
         interval,
-        least_singular_value: least(&|all| reciprocal(&all[0])).map_or(margin, |(value, _)| value),
+        least_singular_value: unscaled.map_or(margin, |(value, _)| value),
     })
+}
+
+/// Course of S between measured frequencies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Interpolation {
+    /// Parabola through the frequency of the least margin and both its neighbours.
+    Parabola,
+    /// Line from each of them to the next.
+    Line,
+}
+
+/// Returns the least margin of a window, and the turns at which it is: that of a measured frequency, or between it and a
+/// neighbour.
+fn least(
+    all: &BTreeMap<u64, Sensitivity>,
+    window: usize,
+    course: Interpolation,
+    margin: fn(&DMatrix<Complex<f64>>) -> f64,
+) -> Option<(f64, f64)> {
+    let values = all.iter().map(|(turns, s)| (margin(&s[window]), *turns));
+    let (value, turns) = values.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let measured = (value, turns as f64);
+    let before = all.range(..turns).next_back();
+    let after = all.range(turns + 1..).next();
+    let (Some((low, s_low)), Some((high, s_high))) = (before, after) else {
+        return Some(measured);
+    };
+    let nodes = [*low, turns, *high].map(|turns| turns as f64);
+    let matrices = [s_low, &all[&turns], s_high].map(|s| &s[window]);
+    let between = (0..=PLACES).map(|place| {
+        let at = nodes[0] + (nodes[2] - nodes[0]) * f64::from(place) / f64::from(PLACES);
+        let weights = weights(course, nodes, at);
+        let terms = matrices.iter().zip(weights);
+        let s = terms.map(|(s, weight)| s.scale(weight)).sum::<DMatrix<_>>();
+        (margin(&s), at)
+    });
+    between.chain([measured]).min_by(|a, b| a.0.total_cmp(&b.0))
+}
+
+/// Returns the shares of the values at three nodes in the value at a place.
+fn weights(course: Interpolation, [a, b, c]: [f64; 3], at: f64) -> [f64; 3] {
+    match course {
+        Interpolation::Parabola => [
+            (at - b) * (at - c) / ((a - b) * (a - c)),
+            (at - a) * (at - c) / ((b - a) * (b - c)),
+            (at - a) * (at - b) / ((c - a) * (c - b)),
+        ],
+        Interpolation::Line if at < b => [(b - at) / (b - a), (at - a) / (b - a), 0.0],
+        Interpolation::Line => [0.0, (c - at) / (c - b), (at - b) / (c - b)],
+    }
 }
 
 impl Together {

@@ -24,10 +24,10 @@ pub(super) struct Signal<'a> {
 
 impl<'a> Signal<'a> {
     pub(super) fn of(column: &'a Column) -> Self {
-        Self::new(&column.name, &column.unit)
+        Self::of_name(&column.name, &column.unit)
     }
 
-    fn new(column: &'a str, unit: &'a str) -> Self {
+    pub(super) fn of_name(column: &'a str, unit: &'a str) -> Self {
         let (group, name) = apart(column).unwrap_or(("", column));
         Self {
             column,
@@ -81,7 +81,7 @@ impl<'a> Signal<'a> {
     }
 
     /// Returns the name without the unit, with or without its group.
-    fn label(&self, has_group: bool) -> &'a str {
+    pub(super) fn label(&self, has_group: bool) -> &'a str {
         let from = match has_group {
             true => self.column,
             false => self.name,
@@ -169,7 +169,7 @@ pub(super) fn title(signals: &[Signal<'_>]) -> String {
 /// curve named by the title has no label.
 pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     let signals: Vec<Signal<'_>> = (plot.signals.iter())
-        .map(|column| Signal::new(column, &plot.unit))
+        .map(|column| Signal::of_name(column, &plot.unit))
         .collect();
     let [first, others @ ..] = &signals[..] else {
         return Vec::new();
@@ -242,14 +242,14 @@ mod tests {
             assert!(spells(end, unit), "{end} and {unit}");
         }
         assert!(!spells("angle_rad", "rad") && !spells("nm", "N"));
-        let signal = Signal::new("truth.pump2_flow_m3ps", "m3/s");
+        let signal = Signal::of_name("truth.pump2_flow_m3ps", "m3/s");
         assert_eq!(signal.family(), "pump*_flow_m3ps");
     }
 
     #[test]
     fn an_expression_has_no_group_and_no_other_name_in_a_recording() {
         let difference = "measured.angle_rad - truth.angle_rad";
-        assert_eq!(Signal::new(difference, "rad").group, "");
+        assert_eq!(Signal::of_name(difference, "rad").group, "");
         assert_eq!(recorded_name(difference), difference);
         assert_eq!(
             recorded_name("parameter.pump1.leak"),
@@ -287,7 +287,10 @@ mod tests {
     #[test]
     fn titles_and_labels_distinguish_curves_without_redundancy() {
         let of = |unit: &str, columns: &[&str]| {
-            let signals: Vec<_> = columns.iter().map(|one| Signal::new(one, unit)).collect();
+            let signals: Vec<_> = columns
+                .iter()
+                .map(|one| Signal::of_name(one, unit))
+                .collect();
             let title = title(&signals);
             let labels = labels(&Plot {
                 title: title.clone(),

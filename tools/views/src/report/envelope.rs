@@ -6,6 +6,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
+use shared_types::extremes::larger;
 
 /// Half the range of single precision: larger magnitudes, and those below its inverse, are written in double
 /// precision.
@@ -78,6 +79,13 @@ impl Envelope {
     /// Returns `true` if there is any value.
     pub(crate) fn exists(&self) -> bool {
         self.least.iter().any(|value| !value.is_nan())
+    }
+
+    /// Returns the largest finite magnitude; 0 if there is none.
+    pub(super) fn largest(&self) -> f64 {
+        let values = self.least.iter().chain(&self.greatest);
+        let sizes = values.map(|value| value.abs());
+        sizes.filter(|size| size.is_finite()).fold(0.0, larger)
     }
 
     /// Returns the value if every bucket has the same value.

@@ -7,16 +7,31 @@ use shared_types::number::unit_shown;
 use super::data::Data;
 use super::plots::Plot;
 use super::run::{Run, Span, distinct};
-use super::tables;
+use super::{first, tables};
 use crate::offline_page::{OfflinePage, PAGE};
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
 
-/// Renders the whole page.
+/// Renders the whole page: the answer first, latency last unless a run asked for timing.
 pub(crate) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, Failure> {
     let title = title(runs);
+    let deciding = first::deciding(runs, plots);
+    let asks_for_timing = runs.iter().any(Run::asks_for_timing);
+    let is_rest = |place: &usize| !deciding.contains(place);
+    let is_of_loop = |place: &usize| plots[*place].is_of_loop();
+    let all: Vec<usize> = (0..plots.len()).filter(is_rest).collect();
+    let (of_loop, rest): (Vec<usize>, Vec<usize>) = all.into_iter().partition(is_of_loop);
+    let latency = html! {
+        section #latency {
+            h2 { "Latency" }
+            (sections(plots, &of_loop))
+            (tables::latency(runs))
+            div.plots #histograms {}
+            (tables::spikes(runs))
+        }
+    };
     let body = html! {
         header {
             h1 { (title) }
@@ -24,23 +39,23 @@ pub(crate) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, 
         }
         (toolbar(runs))
         main {
-            section #runs { h2 { "Runs" } (tables::runs(runs)) }
+            section #first aria-label="Verdict" {
+                (first::verdicts(runs, plots))
+                div.plots #deciding { @for place in &deciding { (figure(*place, &plots[*place])) } }
+            }
             section #requirements { h2 { "Requirements" } (tables::requirements(runs)) }
             section #metrics { h2 { "Metrics" } (tables::metrics(runs)) }
             section #faults { h2 { "Faults and controllers" } (tables::events(runs)) }
             section #plots {
                 h2 { "Plots" }
                 noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
-                (sections(plots))
+                (sections(plots, &rest))
             }
             (picker(data))
-            section #latency {
-                h2 { "Latency" }
-                (tables::latency(runs))
-                div.plots #histograms {}
-                (tables::spikes(runs))
-            }
+            @if asks_for_timing { (latency) }
+            section #runs { h2 { "Runs" } (tables::runs(runs)) }
             section #provenance { h2 { "Provenance" } (tables::provenance(runs)) }
+            @if !asks_for_timing { (latency) }
         }
     };
     let page = OfflinePage {
@@ -70,11 +85,13 @@ fn description(runs: &[Run]) -> String {
 fn toolbar(runs: &[Run]) -> Markup {
     html! {
         nav.bar aria-label="Controls" {
+            a href="#first" { "Verdict" }
             a href="#requirements" { "Requirements" }
             a href="#metrics" { "Metrics" }
             a href="#plots" { "Plots" }
-            a href="#latency" { "Latency" }
+            a href="#runs" { "Runs" }
             a href="#provenance" { "Provenance" }
+            a href="#latency" { "Latency" }
             span.gap {}
             span.jumps { @for span in jumps(runs) {
                 button type="button" data-jump=(span.from_s) title="Zoom in on where it took effect" {
@@ -100,22 +117,29 @@ fn jumps(runs: &[Run]) -> Vec<&Span> {
 }
 
 /// Renders figures under the headings of their sections; the script draws into them.
-fn sections(plots: &[Plot]) -> Markup {
-    let mut last = "";
-    let headed = plots.iter().enumerate().map(|(number, plot)| {
-        let plot = &plot.chosen;
-        let heading = (plot.section != last).then_some(plot.section);
-        last = plot.section;
-        (number, heading, plot)
-    });
+fn sections(plots: &[Plot], places: &[usize]) -> Markup {
+    let of_section = places.chunk_by(|a, b| plots[*a].chosen.section == plots[*b].chosen.section);
     html! {
-        @for (number, heading, plot) in headed {
-            @if let Some(heading) = heading { h3 { (heading) } }
-            figure.plot id={ "plot-" (number) } data-plot=(number) tabindex="0" role="group" aria-label={ "Plot: " (plot.title) } {
-                figcaption { (plot.title) @if !unit_shown(&plot.unit).is_empty() { " [" (plot.unit) "]" } }
-                div.canvas {}
-                div.legend {}
+        @for places in of_section {
+            h3 { (plots[places[0]].chosen.section) }
+            div.plots { @for place in places { (figure(*place, &plots[*place])) } }
+        }
+    }
+}
+
+/// Renders the frame of a plot: its heading with the unit, and beside it the name that commands understand.
+fn figure(number: usize, plot: &Plot) -> Markup {
+    let heading = &plot.heading;
+    let name = (plot.chosen.title != *heading).then_some(&plot.chosen.title);
+    html! {
+        figure.plot id={ "plot-" (number) } data-plot=(number) tabindex="0" aria-label={ "Plot: " (heading) } {
+            figcaption {
+                (heading) (plot.shown.bracketed())
+                @if let Some(name) = name { " " code.name { (name) } }
             }
+            div.tools {}
+            div.canvas {}
+            div.legend {}
         }
     }
 }

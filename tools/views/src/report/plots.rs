@@ -3,11 +3,15 @@
 use glob::Pattern;
 use serde::Serialize;
 
+use super::envelope::Envelope;
 use super::grid::Grid;
 use super::run::{Run, Signals};
-use crate::plots::bounds::Bound;
+use crate::plots::bounds::{Bound, Other};
+use crate::plots::words::Words;
 use crate::plots::{self, Choice, Subject, Values};
+use crate::prefix::ShownUnit;
 use hil_recording::reader::Column;
+use shared_types::extremes::larger;
 
 /// Plot of a report.
 #[derive(Clone, Debug, Serialize)]
@@ -15,6 +19,29 @@ pub(crate) struct Plot {
     #[serde(flatten)]
     pub(super) chosen: plots::Plot,
     marks: Vec<Mark>,
+    /// Heading in words, without the unit.
+    pub(super) heading: String,
+    /// Name of each signal in words.
+    words: Vec<String>,
+    /// Unit of the axis.
+    pub(super) shown: ShownUnit,
+}
+
+impl Plot {
+    /// Returns `true` if the plot shows where the margin of a requirement of a run comes from.
+    pub(super) fn decides(&self, run: usize, requirement: &str) -> bool {
+        self.marks_of(run, requirement).next().is_some()
+    }
+
+    /// Returns `true` if the plot shows times and ages of the loop rather than signals.
+    pub(super) fn is_of_loop(&self) -> bool {
+        self.chosen.section == "Loop"
+    }
+
+    fn marks_of(&self, run: usize, requirement: &str) -> impl Iterator<Item = &Mark> {
+        let marks = self.marks.iter();
+        marks.filter(move |mark| mark.run == run && mark.requirement == requirement)
+    }
 }
 
 /// Origin of a requirement's margin.
@@ -27,6 +54,20 @@ struct Mark {
     /// Values of the two sides; `None` if no single comparison decides the margin.
     decisive: Option<[f64; 2]>,
     holds: bool,
+    /// Constant other than 0 with which the signal is compared.
+    #[serde(skip)]
+    level: Option<f64>,
+}
+
+/// Returns the magnitude of the constant whose comparison decides a requirement of a run; `None` if that constant is 0,
+/// or if no single constant decides.
+pub(super) fn limit(plots: &[Plot], run: usize, requirement: &str) -> Option<f64> {
+    let marks = plots
+        .iter()
+        .flat_map(|plot| plot.marks_of(run, requirement));
+    let mut levels = marks.map(|mark| mark.level.map(f64::abs));
+    let first = levels.next()??;
+    levels.all(|level| level == Some(first)).then_some(first)
 }
 
 /// Returns the plots of some runs, for the comparisons in their requirements and the signals requested by the user.
@@ -68,9 +109,22 @@ pub(super) fn plots(
             .iter()
             .filter(|one| plot.signals.contains(&one.signal));
         let marks = marks_of_plot.cloned().collect();
+        let words = Words::of(&plot, |name| {
+            let mut readers = runs.iter().map(|run| &run.outcome.reader);
+            readers.find_map(|reader| reader.description(name))
+        });
+        let envelopes = signals.iter().flat_map(|signals| {
+            let of_plot = plot.signals.iter();
+            of_plot.filter_map(|name| signals.get(name))
+        });
+        let largest = envelopes.map(Envelope::largest).fold(0.0, larger);
+        let shown = ShownUnit::of(&plot.unit, if plot.log { 1.0 } else { largest });
         Plot {
             chosen: plot,
             marks,
+            heading: words.heading,
+            words: words.signals,
+            shown,
         }
     };
     selected.into_iter().map(marked).collect()
@@ -118,6 +172,10 @@ fn marks(number: usize, run: &Run, signals: &Signals, bounds: &[Bound], grid: &G
             at_s,
             decisive: (judged.robustness).and_then(|margin| bound.decisive(margin, values)),
             holds: judged.verdict == "pass",
+            level: match bound.other {
+                Other::Level(level) => Some(level).filter(|level| *level != 0.0),
+                Other::Signal(_) => None,
+            },
         });
         let of_it: Vec<Mark> = of_it.collect();
         let is_known = of_it.iter().any(|mark| mark.decisive.is_some());

@@ -64,7 +64,6 @@ pub(super) fn runs(runs: &[Run]) -> Markup {
                 }
             }
         } }
-        @for run in runs { @for note in &run.notes { p.note { (run.label) ": " (note) } } }
     }
 }
 
@@ -326,7 +325,7 @@ pub(super) fn provenance(runs: &[Run]) -> Markup {
                 } }
             }
             @if let Ok(scenario) = run.outcome.reader.attachment("scenario.toml") {
-                details { summary { "Configuration: the effective scenario" } pre { code { (scenario) } } }
+                details { summary { "Configuration: the effective scenario" } pre tabindex="0" { code { (scenario) } } }
             }
         }
     }
@@ -337,7 +336,7 @@ fn meaning(evidence: &str) -> &'static str {
     entry.map_or("unknown", |(_, meaning)| meaning)
 }
 
-fn badge(verdict: &str) -> Markup {
+pub(super) fn badge(verdict: &str) -> Markup {
     html! { span.badge data-verdict=(verdict) { (verdict) } }
 }
 
@@ -347,7 +346,7 @@ pub(super) fn swatch(run: usize) -> Markup {
 }
 
 /// Formats a time without trailing zeros.
-fn seconds(time_s: f64) -> String {
+pub(super) fn seconds(time_s: f64) -> String {
     let text = format!("{time_s:.6}");
     text.trim_end_matches('0').trim_end_matches('.').to_owned()
 }

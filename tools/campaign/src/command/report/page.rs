@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use shared_types::number::counted;
 
 use super::data::Data;
-use super::{Campaign, tables};
+use super::{Campaign, indices, tables};
 use crate::command::collect::set_aside;
 use crate::command::quoted;
 
@@ -25,19 +25,19 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
         }
         nav.bar aria-label="Sections" {
             a href="#summary" { "Summary" }
-            a href="#requirements" { "Requirements" }
             a href="#plots" { "Plots" }
+            a href="#requirements" { "Requirements" }
+            a href="#about" { "Study" }
             span.gap {}
             button #theme type="button" aria-pressed="false" { "Dark" }
         }
         main {
             section #summary {
-                h2 { "Summary" }
-                (tables::facts(campaign))
-                (tables::goals(campaign))
-                h3 { "Classes of cases" }
+                h2 { "Classes of cases" }
                 (tables::classes(campaign))
+                @if !campaign.answers.goals.is_empty() { (tables::goals(campaign)) }
             }
+            (plots(data))
             @if !campaign.answers.faults.is_empty() { section {
                 h2 { "Faults and their outcomes" }
                 (tables::faults(campaign))
@@ -45,8 +45,13 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
             section #requirements {
                 h2 { "Requirements" }
                 (tables::requirements(campaign, data.command()))
+                (indices::indices(campaign))
             }
-            (plots(data))
+            section #about {
+                h2 { "The study" }
+                (tables::facts(campaign))
+                @if campaign.answers.goals.is_empty() { (tables::goals(campaign)) }
+            }
         }
     };
     let page = OfflinePage {
@@ -130,12 +135,12 @@ fn plots(data: &Data) -> Markup {
                     div #chips {}
                 }
                 div #case hidden {}
-                h3 { "Varied values" }
-                p.hint { "Selected cases in colour, those that pass below, others above; all cases behind them. The two numbers are the selected range." }
-                div.plots #varied {}
                 h3 { "Margins and metrics" }
                 p.hint { "A margin below zero fails. Diverged cases, and others beyond a plot, are counted at its edge." }
                 div.plots #outcomes {}
+                h3 { "Varied values" }
+                p.hint { "Selected cases in colour, those that pass below, others above; all cases behind them. The two numbers are the selected range." }
+                div.plots #varied {}
                 (envelopes(data))
                 section #map {
                     h3 { "Map of pass and fail" }

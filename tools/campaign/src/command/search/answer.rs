@@ -259,7 +259,10 @@ fn table(
             one.evaluation.class.clone(),
             requirement.to_owned(),
             short_in(margin, unit),
-            format!("{} %", short(100.0 * one.share)),
+            match one.share.is_finite() {
+                true => format!("{} %", short(100.0 * one.share)),
+                false => "-".into(),
+            },
         ]));
     }
     write!(text, "{lines}")?;

@@ -75,6 +75,9 @@ fn failure(trials: &Trials, trial: &Trial) -> String {
     let (name, unit) = trials.requirement(trial);
     match &*trial.evaluation.class {
         "diverged" => format!("it diverges ({})", trial.evaluation.reason),
+        _ if Trials::margin(trial) == f64::NEG_INFINITY => format!(
+            "`{name}` fails without a margin, because a value in its formula is missing or no number"
+        ),
         _ => format!(
             "`{name}` has margin {}",
             short_in(Trials::margin(trial), unit)
@@ -99,9 +102,19 @@ fn nothing_fails(trials: &Trials) -> Stop {
         ));
     }
     if is_same(|one| one.share.to_bits()) {
-        let (name, _) = trials.requirement(&all[0]);
+        let least = |one: &Trial| format!("`{}`", trials.requirement(one).0);
+        let mut least: Vec<String> = all.iter().map(least).collect();
+        least.sort();
+        least.dedup();
+        let margin = match &least[..] {
+            [one] => format!("{one} has the same margin"),
+            several => format!(
+                "the least margin, of {}, is the same share of the nominal one",
+                several.join(" or ")
+            ),
+        };
         return Stop::Refused(format!(
-            "`{name}` has the same margin in all {} runs, whatever {names} is: either no signal of its formula is reached, or another part of the formula decides; search another requirement, or vary a value or fault that acts on its signals",
+            "{margin} in all {} runs, whatever {names} is: either no signal of its formula is reached, or another part of the formula decides; search another requirement, or vary a value or fault that acts on its signals",
             all.len()
         ));
     }

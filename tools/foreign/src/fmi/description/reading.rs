@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::encoding::decoded;
 use super::sizes::{dimensions, resize};
 use super::slips::{drop_bounds, name_once, positive, units, unusable, unusable_unit};
-use super::structure::dependencies;
+use super::structure::{dependencies, states};
 use super::tree::{Element, shortened};
 use super::{
     Causality, DescriptionError, Experiment, Initial, ModelDescription, Variable, VariableType,
@@ -75,6 +75,11 @@ impl ModelDescription {
             Version::Two => ["canGetAndSetFMUstate", "canSerializeFMUstate"],
             Version::Three => ["canGetAndSetFMUState", "canSerializeFMUState"],
         };
+        let derivatives = match version {
+            Version::Two => "providesDirectionalDerivative",
+            Version::Three => "providesDirectionalDerivatives",
+        };
+        let differentiates = simulation.flag(derivatives)?;
         let mut notes = Vec::new();
         let mut variables = variables(&root, version, sizes, &mut notes)?;
         let units = units(&root, &mut notes);
@@ -108,6 +113,11 @@ impl ModelDescription {
                 .collect(),
             units,
             dependencies: dependencies(&root, version, &variables, &mut notes),
+            differentiates,
+            states: match differentiates {
+                true => states(&root, version, &variables),
+                false => Vec::new(),
+            },
             variables,
             notes,
         })

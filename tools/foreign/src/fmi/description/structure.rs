@@ -1,7 +1,7 @@
-//! Structure of a model: the variables that each output depends on directly.
+//! Structure of a model: the variables that each output depends on directly, and the continuous states.
 
 use super::tree::Element;
-use super::{Dependency, Variable, Version};
+use super::{ContinuousState, Dependency, Variable, Version};
 
 /// Reads the direct dependencies of the outputs that the model structure lists. An entry that is not an output is
 /// skipped, and an output whose dependencies cannot be read may depend on all inputs.
@@ -50,4 +50,50 @@ pub(super) fn dependencies(
         dependencies.push(Dependency { output: of, on });
     }
     dependencies
+}
+
+/// Reads the continuous states: those whose derivatives the model structure lists. If one cannot be read there are none,
+/// because a part of them describes no model.
+pub(super) fn states(
+    root: &Element,
+    version: Version,
+    variables: &[Variable],
+) -> Vec<ContinuousState> {
+    let Some(structure) = root.child("ModelStructure") else {
+        return Vec::new();
+    };
+    let elements = root.list("ModelVariables");
+    let of_reference = |reference: u32| {
+        let mut all = variables.iter();
+        all.position(|variable| variable.reference == reference)
+    };
+    let of_index = |number: usize| {
+        number
+            .checked_sub(1)
+            .filter(|place| *place < variables.len())
+    };
+    let all: Option<Vec<ContinuousState>> = match version {
+        Version::Two => { structure.list("Derivatives").iter() }
+            .map(|unknown| {
+                let derivative = of_index(unknown.value("index").ok()??)?;
+                let real = elements.get(derivative)?.child("Real")?;
+                Some(ContinuousState {
+                    variable: of_index(real.value("derivative").ok()??)?,
+                    derivative: variables[derivative].reference,
+                })
+            })
+            .collect(),
+        Version::Three => { structure.children.iter() }
+            .filter(|child| child.name == "ContinuousStateDerivative")
+            .map(|unknown| {
+                let derivative: u32 = unknown.value("valueReference").ok()??;
+                let element = elements.get(of_reference(derivative)?)?;
+                Some(ContinuousState {
+                    variable: of_reference(element.value("derivative").ok()??)?,
+                    derivative,
+                })
+            })
+            .collect(),
+    };
+    all.unwrap_or_default()
 }

@@ -43,6 +43,43 @@ const isNothing = (value) => value === null || value === undefined;
 const shown = (value, unit) => (isNothing(value) ? "-" : unit === "ns" ? nanoseconds(value) : number(value) + (unit && unit !== "1" ? " " + unit : ""));
 const unitOf = (unit) => (unit && unit !== "1" ? ` [${unit}]` : "");
 
+// ---- Units ----
+
+// Symbols that take a prefix, and whether they take those above one too.
+const PREFIXED = { Pa: true, N: true, A: true, V: true, W: true, J: true, Hz: true, Ohm: true, m: true, F: false, H: false, rad: false, s: false };
+const PREFIXES = ["p", "n", "µ", "m", "", "k", "M", "G", "T"];
+// As `ShownUnit` of hil-views: the unit in which a plot shows values up to a magnitude, and its power of ten.
+const shownUnit = (unit, largest) => {
+  const plain = { power: 0, unit: unit && unit !== "1" ? unit : "" };
+  if (unit === "ns" || unit === "steps" || !(largest > 0) || !Number.isFinite(largest)) return plain;
+  const power = 3 * Math.floor(Math.log10(largest) / 3 + 1e-12);
+  const isLarge = PREFIXED[/^[A-Za-z]+(?=$|[ /])/.exec(unit)?.[0]];
+  const isUsual = isLarge === undefined ? largest >= 1e-3 && largest < 1e6 : largest >= 0.1 && (!isLarge || largest < 1e4);
+  if (isUsual || power === 0) return plain;
+  const prefix = isLarge === undefined ? undefined : PREFIXES[power / 3 + 4];
+  return { power, unit: prefix === undefined ? `1e${power} ${plain.unit}`.trim() : prefix + unit };
+};
+// A value in the unit of its plot.
+const shownIn = (value, { unit, shown: of }, digits) => {
+  if (isNothing(value)) return "-";
+  if (unit === "ns") return nanoseconds(value);
+  const { power, unit: symbol } = of || shownUnit(unit, 1);
+  return number(power ? value / 10 ** power : value, digits) + (symbol ? " " + symbol : "");
+};
+// How a linear axis writes its numbers: in the unit of its plot or, where they ripple on a large value, as what is
+// added to a round number.
+const formOf = (spec, min, max) => {
+  const { power, unit } = spec.shown || shownUnit(spec.unit, 1);
+  const height = max - min;
+  const plain = { offset: 0, power, unit, note: "" };
+  // A page that does not name the unit of an axis does not say to what its numbers are added either.
+  if (!spec.shown || spec.log || spec.unit === "ns" || !(height > 0) || height >= 2e-3 * Math.max(Math.abs(min), Math.abs(max))) return plain;
+  const step = 10 ** Math.ceil(Math.log10(height));
+  const offset = Math.round((min + max) / 2 / step) * step;
+  const ripple = shownUnit(spec.unit, Math.max(Math.abs(min - offset), Math.abs(max - offset)));
+  return { offset, ...ripple, note: `Axis: ${shownIn(offset, spec, 12)} plus the number${ripple.unit ? " in " + ripple.unit : ""}` };
+};
+
 // ---- Axes ----
 
 // Decimals that it takes to write a step exactly.
@@ -51,17 +88,19 @@ const decimals = (step) => {
   while (digits < 9 && Math.abs(step * 10 ** digits - Math.round(step * 10 ** digits)) > 1e-6 * step * 10 ** digits) digits++;
   return digits;
 };
-const tickNanoseconds = (ns) => nanoseconds(ns).replace(/\.0+ /, " ");
-// Ticks with as many digits as tell them apart.
-const ticks = (splits, step, unit) => {
-  const most = Math.max(...splits.map((one) => Math.abs(one ?? 0)));
-  return splits.map((value) => {
-    if (isNothing(value)) return "";
-    if (unit === "ns") return tickNanoseconds(value);
-    if (value === 0) return "0";
-    if (most >= 1e-2 && most < 1e6) return value.toFixed(decimals(step || 1));
-    const power = Math.floor(Math.log10(Math.abs(value)));
-    return value.toExponential(decimals((step || most) / 10 ** power)).replace("e+", "e");
+const tickNanoseconds = (ns) => nanoseconds(ns).replace(/\.0+ /, " ").replace("us", "µs");
+// Ticks in the form of their axis, with as many digits as tell them apart.
+const ticks = (splits, step, { offset = 0, power = 0 } = {}) => {
+  const size = 10 ** power;
+  const values = splits.map((value) => (isNothing(value) ? null : (value - offset) / size));
+  const apart = (step || 1) / size;
+  const most = Math.max(...values.map((one) => Math.abs(one ?? 0)));
+  return values.map((value) => {
+    if (value === null) return "";
+    if (Math.abs(value) < 1e-6 * apart) return "0";
+    if (most >= 1e-2 && most < 1e6) return value.toFixed(decimals(apart));
+    const digits = Math.floor(Math.log10(Math.abs(value)));
+    return value.toExponential(decimals(apart / 10 ** digits)).replace("e+", "e");
   });
 };
 // Powers of ten, every so many of them.
@@ -74,9 +113,56 @@ const powers = (min, max, most = 7) => {
 const logTicks = (splits, unit) => splits.map((value) => (unit === "ns" ? tickNanoseconds(value) : value >= 1e-3 && value < 1e5 ? String(+value.toPrecision(1)) : value.toExponential(0).replace("e+", "e")));
 // An axis of uPlot: its ink is read anew at each drawing.
 const axisOf = (ink, size, font = "12px system-ui, sans-serif") => ({ stroke: () => ink().text, grid: { stroke: () => ink().grid, width: 1 }, ticks: { stroke: () => ink().grid, width: 1 }, font, size });
-const timeLabels = { values: (u, splits, _i, _s, step) => ticks(splits, step, "").map((text, i) => (i === splits.length - 1 ? text + " s" : text)) };
+const timeLabels = { values: (u, splits, _i, _s, step) => ticks(splits, step), label: "Time [s]", labelSize: 16, labelGap: 0, labelFont: "12px system-ui, sans-serif" };
 const logLabels = (unit, most) => ({ splits: (u, _i, min, max) => powers(min, max, most), filter: (u, splits) => splits, values: (u, splits) => logTicks(splits, unit) });
-const labelsOf = (spec, most) => (spec.log ? logLabels(spec.unit, most) : { values: (u, splits, _i, _s, step) => ticks(splits, step, spec.unit) });
+const linearLabels = (spec) => ({ values: (u, splits, _i, _s, step) => (spec.unit === "ns" ? splits.map(tickNanoseconds) : ticks(splits, step, formOf(spec, u.scales.y.min, u.scales.y.max))) });
+const labelsOf = (spec, most) => (spec.log ? logLabels(spec.unit, most) : linearLabels(spec));
+
+// ---- Axes for a spike ----
+
+// The next of 1, 2, 5, 10 and so on from a number upwards.
+const roundUp = (value) => {
+  const power = 10 ** Math.floor(Math.log10(value));
+  return power * [1, 2, 5, 10].find((one) => one * power >= value * (1 - 1e-9));
+};
+// A symmetric logarithmic scale for uPlot: linear up to a magnitude, beyond it as much room for each power of ten.
+const symmetricScale = (linear) => ({
+  distr: 100,
+  fwd: (value) => (Math.abs(value) <= linear ? value / linear : Math.sign(value) * (1 + Math.log10(Math.abs(value) / linear))),
+  bwd: (value) => (Math.abs(value) <= 1 ? value * linear : Math.sign(value) * linear * 10 ** (Math.abs(value) - 1)),
+});
+// Ticks of such a scale: 0, then powers of ten, then what finds room between them.
+const symmetricSplits = (min, max, { fwd }, height) => {
+  const most = Math.max(Math.abs(min), Math.abs(max));
+  const top = Math.floor(Math.log10(most));
+  const kept = [0].filter((value) => value >= min && value <= max);
+  const perPixel = (fwd(max) - fwd(min)) / Math.max(height, 1);
+  for (const factor of [1, 5, 2]) {
+    for (let power = top; power > top - 6; power--) {
+      for (const value of [factor * 10 ** power, -factor * 10 ** power]) {
+        const hasRoom = kept.every((one) => Math.abs(fwd(one) - fwd(value)) > 20 * perPixel);
+        if (value >= min && value <= max && hasRoom) kept.push(value);
+      }
+    }
+  }
+  return kept.sort((a, b) => a - b);
+};
+// The magnitude up to which such a scale suits curves, or 0 if a linear one does. It suits a spike: the largest
+// magnitude is 10 to 1000 times that below which all curves keep for two thirds of the time, and for less than 5 % of
+// the time they exceed a fifth of it. `sizes` are magnitudes, `lengths` the times for which they last.
+const spikeOf = (sizes, lengths) => {
+  const order = Array.from(sizes.keys()).filter((place) => sizes[place] === sizes[place]).sort((a, b) => sizes[a] - sizes[b]);
+  const whole = order.reduce((sum, place) => sum + lengths[place], 0);
+  const largest = sizes[order.at(-1)];
+  let [time, usual, above] = [0, undefined, 0];
+  for (const place of order) {
+    time += lengths[place];
+    if (usual === undefined && time >= (2 / 3) * whole) usual = sizes[place];
+    if (sizes[place] > largest / 5) above += lengths[place];
+  }
+  const ratio = largest / usual;
+  return ratio >= 10 && ratio <= 1000 && above < 0.05 * whole ? roundUp(usual) : 0;
+};
 // Width of the value axes of a page's plots: one for all of them, so that times stand beneath each other, as wide as
 // the widest label that any plot has had. It never shrinks: plots that breathe are hard to read. `redraw` follows a
 // change; the page's style has the width as `--axis`.
@@ -134,6 +220,8 @@ const showTheme = (isDark) => {
   if (byId("theme").textContent !== text) byId("theme").textContent = text;
   byId("theme").setAttribute("aria-pressed", String(isDark));
 };
+// Dashes of curves, so that colour alone tells none from another.
+const DASHES = [[], [2, 3], [10, 3, 2, 3], [1, 5], [14, 3], [5, 2], [5, 2, 1, 2, 1, 2], [3, 6]];
 // The line of a curve, for the name below its plot.
 const lineOf = (width, dash, colour) => {
   const svg = "http://www.w3.org/2000/svg";
@@ -142,7 +230,7 @@ const lineOf = (width, dash, colour) => {
   line.setAttribute("height", "8");
   const stroke = document.createElementNS(svg, "line");
   for (const [name, value] of Object.entries({ x1: 0, y1: 4, x2: width, y2: 4, "stroke-width": 2, "stroke-dasharray": dash.join(" ") })) stroke.setAttribute(name, value);
-  stroke.style.stroke = `var(--c${colour})`;
+  stroke.style.stroke = colour === "limit" ? "var(--limit)" : `var(--c${colour})`;
   line.append(stroke);
   return line;
 };

@@ -50,8 +50,8 @@
   // ---- Colours ----
 
   let ink = {};
-  // What is wanted is dashed in every plot; in a plot of several runs, whose colours are theirs, the other signals differ by their dashes.
-  const dashes = { wanted: [[8, 4], [14, 4]], others: [[], [2, 3], [10, 3, 2, 3], [1, 5]] };
+  // What is wanted has long dashes in every plot; other signals differ by their dashes too, not by colour alone.
+  const WANTED = [[8, 4], [14, 4]];
   const setTheme = (isDark) => {
     showTheme(isDark);
     ink = readInk();
@@ -77,6 +77,21 @@
   };
 
   const isOverlaid = data.runs.length > 1;
+  const HEIGHT = 230;
+  // Rows above a plot for the names of faults, handovers and marks.
+  const names = new Set(data.runs.flatMap((run) => [...run.faults, ...run.changes, ...run.marks]).map((one) => one.label));
+  const namedRows = Math.min(3, names.size);
+  // Each limit once, by its size, with the requirements that have it.
+  const limitsOf = (spec) => {
+    const found = new Map();
+    const levels = new Set(spec.limits.map((limit) => limit.level));
+    for (const { level, requirement } of spec.limits) {
+      const isMirrored = level !== 0 && levels.has(-level);
+      const text = (isMirrored ? "±" : "") + shownIn(isMirrored ? Math.abs(level) : level, spec);
+      found.set(text, (found.get(text) || new Set()).add(requirement));
+    }
+    return found;
+  };
 
   class TimePlot {
     constructor(figure, spec) {
@@ -88,19 +103,26 @@
       const counts = { wanted: 0, others: 0 };
       spec.signals.forEach((name, place) => {
         const kind = /^(reference|stimulus)\./.test(name) ? "wanted" : "others";
-        const nth = isOverlaid || kind === "wanted" ? counts[kind]++ : 0;
-        const dash = dashes[kind][nth % dashes[kind].length];
+        const nth = counts[kind]++;
         data.runs.forEach((run, number) => {
           if (spec.runs && !spec.runs.includes(number)) return;
           const values = signalOf(number, name);
           if (!values) return;
           this.series.push({
             name, run: number, values, isShown: true, period: run.period_s,
-            colour: isOverlaid ? number : place, dash,
-            label: isOverlaid ? `${run.label}: ${name}` : name,
+            colour: isOverlaid ? number : place, dash: kind === "wanted" ? WANTED[nth % 2] : DASHES[(nth * (isOverlaid ? 4 : 1) + (isOverlaid ? number : 0)) % 8],
+            label: (isOverlaid ? run.label + ": " : "") + spec.words[place],
           });
         });
       });
+      // Sizes of all curves, and how long each lasts: whether a spike flattens the rest.
+      const all = this.series.map((one) => one.values);
+      const sizes = Float64Array.from(start, (_, i) => all.reduce((most, { least, greatest }) => (least[i] === least[i] ? Math.max(most === most ? most : 0, Math.abs(least[i]), Math.abs(greatest[i])) : most), NaN));
+      const ends = start.subarray(1);
+      const lengths = Float64Array.from(start, (time, i) => Math.max((ends[i] ?? data.end_s) - time, 1e-12));
+      this.linear = spec.log ? 0 : spikeOf(sizes, lengths);
+      this.usual = this.linear;
+      this.isOffset = false;
       figure.addEventListener("keydown", (event) => this.key(event));
     }
 
@@ -108,27 +130,30 @@
       if (this.plot) return;
       const box = this.figure.querySelector(".canvas");
       const { spec } = this;
+      this.symmetric = this.linear && !this.isOffset ? symmetricScale(this.linear) : null;
       const points = this.series.map((one) => Array.from(one.values.greatest, (value) => (value === value ? (spec.log ? Math.abs(value) || null : value) : null)));
       this.plot = new uPlot({
         width: Math.max(280, box.clientWidth),
-        height: 240,
+        height: HEIGHT,
+        padding: [namedRows ? 13 * namedRows + 4 : null, null, null, null],
         legend: { show: false },
         cursor: { sync: { key: "report", setSeries: false, filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } }, drag: { x: true, y: false, setScale: false }, points: { show: false }, y: false },
         scales: {
           x: { time: false, range: () => view },
-          y: { distr: spec.log ? 3 : 1, range: () => this.range() },
+          y: { distr: spec.log ? 3 : 1, ...this.symmetric, range: () => this.range() },
         },
         axes: [
-          { ...axisOf(() => ink, 34), ...timeLabels },
-          { ...axisOf(() => ink, valueAxis), ...labelsOf(spec) },
+          { ...axisOf(() => ink, 28), ...timeLabels },
+          { ...axisOf(() => ink, valueAxis), ...(this.symmetric ? this.symmetricLabels() : labelsOf(spec)) },
         ],
         // The first are wider, so that those of one course are seen beneath each other.
-        series: [{}, ...this.series.map((one, place) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to) }))],
+        series: [{}, ...this.series.map((one, place) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to, this.raised(place)) }))],
         hooks: {
           drawClear: [(u) => this.shade(u)],
           draw: [(u) => this.judge(u)],
           setSelect: [(u) => this.select(u)],
           setCursor: [(u) => this.read(u.cursor.idx)],
+          setScale: [(u, key) => key === "y" && this.tell()],
         },
       }, [Array.from(start), ...points], box);
       this.plot.over.addEventListener("dblclick", () => show(...whole));
@@ -138,14 +163,82 @@
         const at = this.plot.posToVal(event.offsetX, "x");
         this.zoom(event.deltaY > 0 ? 1.25 : 0.8, at);
       }, { passive: false });
+      this.tools();
       this.legend();
+      this.tell();
       this.figure.dataset.drawn = "true";
       root.dataset.plots = String(document.querySelectorAll("[data-drawn]").length);
+    }
+
+    symmetricLabels() {
+      const { power } = this.spec.shown;
+      return {
+        splits: (u, _i, min, max) => symmetricSplits(min, max, this.symmetric, u.bbox.height / devicePixelRatio),
+        filter: (u, splits) => splits,
+        values: (u, splits) => splits.map((value) => number(value / 10 ** power)),
+      };
+    }
+
+    // Draws anew with another axis.
+    again() {
+      this.plot.destroy();
+      this.plot = null;
+      this.create();
+    }
+
+    // Choices of this plot: its axis, and curves apart from each other.
+    tools() {
+      const box = this.figure.querySelector(".tools");
+      const { spec } = this;
+      if (!this.note) {
+        this.note = document.createElement("span");
+        this.note.className = "hint";
+        box.append(this.note);
+        const toggle = (text, title, isPressed, does) => {
+          const button = document.createElement("button");
+          button.type = "button";
+          button.title = title;
+          button.textContent = text;
+          button.setAttribute("aria-pressed", String(isPressed));
+          button.addEventListener("click", () => {
+            button.setAttribute("aria-pressed", String(does()));
+            this.again();
+          });
+          box.append(button);
+        };
+        if (!spec.log) toggle("symmetric log", "Linear for usual values and logarithmic beyond them, so that a spike leaves room for the rest", this.linear > 0, () => {
+          this.linear = this.linear ? 0 : this.usual || this.threshold();
+          return this.linear > 0;
+        });
+        if (!spec.log && this.series.length > 1) toggle("offset", "Draws the curves above each other", false, () => (this.isOffset = !this.isOffset));
+      }
+    }
+
+    // Where a logarithmic part begins that the user asks for: a tenth of what is seen.
+    threshold() {
+      const sizes = this.series.flatMap(({ values }) => [...values.least, ...values.greatest]).map(Math.abs).filter(Number.isFinite);
+      return roundUp(sizes.reduce((most, one) => Math.max(most, one), 0) / 10 || 1);
+    }
+
+    // Says how the axis is to be read, where it is not plain.
+    tell() {
+      if (!this.note || !this.plot) return;
+      const { y } = this.plot.scales;
+      const form = formOf(this.spec, y.min, y.max);
+      const text = this.isOffset ? `Curves ${shownIn(this.apart, this.spec)} apart; limits are not shown`
+        : this.symmetric ? `Linear to ±${shownIn(this.linear, this.spec)}, logarithmic beyond` : form.note;
+      if (this.note.textContent !== text) this.note.textContent = text;
+    }
+
+    // How much a curve is raised.
+    raised(nth) {
+      return this.isOffset ? nth * this.apart : 0;
     }
 
     // The range of what is to be seen, levels included where they are near.
     range() {
       const { spec } = this;
+      if (this.isOffset) return this.rangeApart();
       const from = Math.max(0, bucketOf(view[0]));
       const to = bucketOf(view[1]);
       let min = Infinity;
@@ -163,6 +256,13 @@
       }
       const levels = levelsOf(spec, view);
       if (min > max) return spec.log ? [0.1, 1] : [0, 1];
+      if (this.symmetric) {
+        const { fwd, bwd } = this.symmetric;
+        const near = levels.filter((level) => Math.abs(level) < 5 * Math.max(Math.abs(min), Math.abs(max), this.linear));
+        const [low, high] = [Math.min(min, ...near), Math.max(max, ...near)].map(fwd);
+        const room = (high - low || 1) * 0.06;
+        return [bwd(low - room), bwd(high + room)];
+      }
       if (spec.log) return logRange(min, max, levels);
       // What differs by the last bits alone is no plot of them.
       const size = Math.max(Math.abs(min), Math.abs(max));
@@ -172,8 +272,24 @@
       return [min - room, max + 2 * room];
     }
 
+    // With curves above each other, by more than the highest of them.
+    rangeApart() {
+      const [from, to] = [bucketOf(view[0]), bucketOf(view[1])];
+      const ends = this.series.map(({ values }) => {
+        let [min, max] = [Infinity, -Infinity];
+        for (let i = from; i <= to; i++) if (Number.isFinite(values.least[i]) && Number.isFinite(values.greatest[i])) [min, max] = [Math.min(min, values.least[i]), Math.max(max, values.greatest[i])];
+        return min > max ? [0, 0] : [min, max];
+      });
+      const highest = Math.max(...ends.map(([min, max]) => max - min));
+      this.apart = roundUp(0.6 * highest || 1);
+      const low = Math.min(...ends.map(([min], nth) => min + this.raised(nth)));
+      const high = Math.max(...ends.map(([, max], nth) => max + this.raised(nth)));
+      const room = (high - low || 1) * 0.06;
+      return [low - room, high + room];
+    }
+
     // Through the least and the greatest value of each bucket, the nearer one first.
-    path(u, { values, period }, from, to) {
+    path(u, { values, period }, from, to, raised = 0) {
       const stroke = new Path2D();
       const { least, greatest } = values;
       const { left, width } = u.bbox;
@@ -188,8 +304,8 @@
       let lastTime = -Infinity;
       let last = 0;
       for (let i = Math.max(0, from - 1); i <= Math.min(buckets - 1, to + 1); i++) {
-        let low = least[i];
-        let high = greatest[i];
+        let low = least[i] + raised;
+        let high = greatest[i] + raised;
         if (low !== low) continue;
         if (isLog) [low, high] = magnitudes(low, high);
         // A run of a lower rate has no step in many a bucket; that is no gap.
@@ -211,28 +327,13 @@
       return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
     }
 
-    // Times in which faults act, where another controller took over, and notes.
+    // Times in which faults act, where another controller took over, and notes; their names stand above the plot.
     shade(u) {
-      within(u, (ctx, { left, top, width, height }, ratio) => {
-        ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-        ctx.textBaseline = "top";
-        ctx.textAlign = "left";
+      const { ctx, bbox } = u;
+      const ratio = devicePixelRatio;
+      const names = [];
+      within(u, (_, { left, top, width, height }) => {
         const seen = new Set();
-        // Texts beneath each other where they would meet, whole where the edge would cut them, and in the upper half.
-        this.named = [];
-        const high = 13 * ratio;
-        const most = Math.max(1, Math.floor(height / 2 / high));
-        const write = (text, from) => {
-          const wide = ctx.measureText(text).width;
-          const at = Math.max(left + 2 * ratio, Math.min(from + 4 * ratio, left + width - wide - 2 * ratio));
-          for (let row = 0; row < most; row++) {
-            const box = { left: at, right: at + wide + 6 * ratio, base: top + 3 * ratio + (row + 1) * high };
-            if (this.named.some((one) => one.base === box.base && one.right > box.left && one.left < box.right)) continue;
-            this.named.push(box);
-            ctx.fillText(text, at, box.base - high);
-            return;
-          }
-        };
         for (const run of data.runs) {
           for (const fault of [...run.faults, ...run.changes, ...run.marks]) {
             const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
@@ -245,20 +346,35 @@
             ctx.fillRect(from, top, Math.max(to - from, ratio), height);
             ctx.fillStyle = run.faults.includes(fault) ? ink.edge : ink.text;
             ctx.fillRect(from, top, ratio, height);
-            write(fault.label, Math.max(from, left));
+            names.push([fault.label, Math.max(from, left)]);
           }
         }
       });
+      ctx.save();
+      ctx.font = `${11 * ratio}px system-ui, sans-serif`;
+      Object.assign(ctx, { textBaseline: "bottom", textAlign: "left", fillStyle: ink.text });
+      const high = 13 * ratio;
+      const taken = [];
+      for (const [text, from] of names) {
+        const wide = ctx.measureText(text).width;
+        const at = Math.max(0, Math.min(from, u.ctx.canvas.width - wide - 2 * ratio));
+        for (let row = 0; row < namedRows; row++) {
+          const box = { left: at, right: at + wide + 6 * ratio, row };
+          if (taken.some((one) => one.row === row && one.right > box.left && one.left < box.right)) continue;
+          taken.push(box);
+          ctx.fillText(text, at, bbox.top - 2 * ratio - row * high);
+          break;
+        }
+      }
+      ctx.restore();
     }
 
     // Level lines, limits of requirements, and where their margins come from.
     judge(u) {
       const { spec } = this;
+      if (this.isOffset) return;
       within(u, (ctx, { left, top, width, height }, ratio) => {
         ctx.lineWidth = 1.25 * ratio;
-        ctx.font = `${11 * ratio}px system-ui, sans-serif`;
-        ctx.textBaseline = "bottom";
-        ctx.textAlign = "left";
         const y = (value) => u.valToPos(value, "y", true);
         const x = (value) => u.valToPos(value, "x", true);
         ctx.strokeStyle = ink.text;
@@ -270,34 +386,16 @@
           ctx.stroke();
         }
         ctx.strokeStyle = ctx.fillStyle = ink.limit;
-        // Names stand above their limit or else below it, none over another.
-        const named = this.named.slice();
-        const label = (limit, from, to, at) => {
-          const wide = ctx.measureText(limit.requirement).width;
-          const isThere = named.some((one) => one.requirement === limit.requirement && one.level === -limit.level);
-          if (isThere || wide > to - from) return;
-          const high = 11 * ratio;
-          for (const base of [at - 2 * ratio, at + high]) {
-            const box = { ...limit, left: from, right: from + wide + 6 * ratio, base };
-            const isFree = named.every((one) => one.right < box.left || one.left > box.right || Math.abs(one.base - base) > high);
-            if (isFree && base > top + high && base < top + height) {
-              named.push(box);
-              ctx.fillText(limit.requirement, from + 2 * ratio, base);
-              return;
-            }
-          }
-        };
+        ctx.setLineDash([6 * ratio, 3 * ratio]);
         for (const limit of spec.limits) {
           if (spec.log && limit.level <= 0) continue;
           const from = Math.max(x(limit.from_s), left);
           const to = Math.min(x(limit.until_s), left + width);
           const at = y(limit.level);
-          ctx.setLineDash([6 * ratio, 3 * ratio]);
           ctx.beginPath();
           ctx.moveTo(from, at);
           ctx.lineTo(Math.max(to, from + 4 * ratio), at);
           ctx.stroke();
-          label(limit, from, to, at);
         }
         ctx.setLineDash([]);
         for (const mark of spec.marks) {
@@ -344,10 +442,13 @@
       this.series.forEach((one, index) => {
         const button = document.createElement("button");
         button.type = "button";
-        button.setAttribute("aria-pressed", "true");
+        button.setAttribute("aria-pressed", String(one.isShown));
         one.shownValue = document.createElement("span");
         one.shownValue.className = "value";
-        button.append(lineOf(24, one.dash, one.colour % 8), one.label + " ", one.shownValue);
+        const name = document.createElement("code");
+        name.textContent = one.name;
+        button.append(lineOf(24, one.dash, one.colour % 8), one.label + " ", ...(one.label === one.name ? [] : [name, " "]), one.shownValue);
+        if (!one.isShown) this.plot.setSeries(index + 1, { show: false });
         button.addEventListener("click", () => {
           one.isShown = !one.isShown;
           button.setAttribute("aria-pressed", String(one.isShown));
@@ -356,6 +457,12 @@
         });
         box.append(button);
       });
+      for (const [level, names] of limitsOf(this.spec)) {
+        const limit = document.createElement("span");
+        limit.className = "limit";
+        limit.append(lineOf(24, [6, 3], "limit"), `limit ${level}: `, [...names].join(", "));
+        box.append(limit);
+      }
       for (const name of this.spec.missing) box.append(`${name}: no value`);
       box.append(this.time);
     }
@@ -368,7 +475,7 @@
         if (!one.shownValue) continue;
         const low = isThere ? one.values.least[bucket] : NaN;
         const high = isThere ? one.values.greatest[bucket] : NaN;
-        one.shownValue.textContent = low !== low ? "" : low === high ? shown(low, this.spec.unit) : `${number(low)} to ${shown(high, this.spec.unit)}`;
+        one.shownValue.textContent = low !== low ? "" : low === high ? shownIn(low, this.spec) : `${shownIn(low, this.spec)} to ${shownIn(high, this.spec)}`;
       }
     }
 
@@ -414,7 +521,7 @@
     }
 
     resize(width) {
-      if (this.plot && Math.abs(this.plot.width - width) > 1) this.plot.setSize({ width: Math.max(280, width), height: 240 });
+      if (this.plot && Math.abs(this.plot.width - width) > 1) this.plot.setSize({ width: Math.max(280, width), height: HEIGHT });
     }
   }
 
@@ -440,7 +547,7 @@
       this.plot = new uPlot({
         width: Math.max(280, box.clientWidth), height: 220, legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, distr: 3, range: () => [edges[0] / 1.1, edges[edges.length - 1] * 1.1] }, y: { distr: 3, range: () => [0.5, most * 2] } },
-        axes: [["ns", 34], ["", valueAxis]].map(([unit, size]) => ({ ...axisOf(() => ink, size), ...logLabels(unit) })),
+        axes: [["ns", 28, "Duration"], ["", valueAxis]].map(([unit, size, label]) => ({ ...axisOf(() => ink, size), ...(label && { ...timeLabels, label }), ...logLabels(unit) })),
         series: [{}, ...runs.map(({ number }) => ({
           stroke: () => ink.series[number % 8], width: 1.5, points: { show: false },
           paths: (u, index) => steps(u, edges, counts[index - 1]),
@@ -485,7 +592,6 @@
     const figure = document.createElement("figure");
     figure.className = "plot";
     figure.tabIndex = 0;
-    figure.setAttribute("role", "group");
     figure.setAttribute("aria-label", "Plot: " + title);
     const caption = document.createElement("figcaption");
     caption.textContent = title;
@@ -493,9 +599,17 @@
     canvas.className = "canvas";
     const legend = document.createElement("div");
     legend.className = "legend";
-    figure.append(caption, canvas, legend);
+    const tools = document.createElement("div");
+    tools.className = "tools";
+    figure.append(caption, tools, canvas, legend);
     parent.append(figure);
     return figure;
+  };
+
+  const largestOf = ({ least, greatest }) => {
+    let largest = 0;
+    for (const values of [least, greatest]) for (const value of values) if (Number.isFinite(value) && Math.abs(value) > largest) largest = Math.abs(value);
+    return largest;
   };
 
   // ---- The page ----
@@ -564,8 +678,10 @@
     const units = [...new Set(chosen.map((choice) => unitOfSignal(choice.value)))];
     for (const unit of units) {
       const signals = chosen.map((choice) => choice.value).filter((name) => unitOfSignal(name) === unit);
-      const figure = figureOf(signals.join(", ") + unitOf(unit), byId("added"));
-      add(figure, new TimePlot(figure, { title: "", unit, log: unit === "ns", signals, missing: [], lines: [], limits: [], marks: [] }));
+      const largest = signals.flatMap((name) => data.runs.map((_, run) => signalOf(run, name))).reduce((most, one) => (one ? Math.max(most, largestOf(one)) : most), 0);
+      const display = shownUnit(unit, largest);
+      const figure = figureOf(signals.join(", ") + unitOf(display.unit), byId("added"));
+      add(figure, new TimePlot(figure, { title: "", unit, shown: display, words: signals, log: unit === "ns", signals, missing: [], lines: [], limits: [], marks: [] }));
     }
     for (const choice of chosen) choice.checked = false;
   });

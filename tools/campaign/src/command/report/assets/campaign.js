@@ -72,7 +72,9 @@
     const binOf = Uint8Array.from(values, (value) => (value >= lo ? (value >= hi ? bins - 1 : Math.floor((value - lo) * scale)) : value < lo ? 0 : NO_BIN));
     const all = new Uint32Array(bins);
     for (let i = 0; i < rows; i++) if (binOf[i] !== NO_BIN) all[binOf[i]] += 1;
-    return { ...column, values, lo, hi, bins, spread, binOf, all, list, isUndrawn: all.every((count) => count === 0), label: column.name + unitOf(column.unit), range: null };
+    // Varied values stay in the unit in which a study names them.
+    const display = column.role === "varied" ? shownUnit(column.unit, 1) : shownUnit(column.unit, Math.max(Math.abs(lo), Math.abs(hi)));
+    return { ...column, values, lo, hi, bins, spread, binOf, all, list, shown: display, size: 10 ** display.power, isUndrawn: all.every((count) => count === 0), label: column.name + unitOf(display.unit), range: null };
   };
   // Different values of sorted ones, if there are few.
   const listOf = (sorted) => {
@@ -87,7 +89,7 @@
   // Less than all is never written as 100 %.
   const percent = (count, of) => (of ? (count < of ? Math.min(rounded((100 * count) / of, 4), 99.99) : 100) + " %" : "none");
   // NaN stands for a case without a value.
-  const valueShown = (column, value) => (column.texts ? column.texts[Math.round(value)] ?? "" : Number.isNaN(value) ? "-" : number(value));
+  const valueShown = (column, value) => (column.texts ? column.texts[Math.round(value)] ?? "" : Number.isNaN(value) ? "-" : number(value / column.size));
   // Round steps, as many as there is space for.
   const roundValues = (lo, hi, most) => {
     const rough = (hi - lo) / Math.max(most, 1);
@@ -98,13 +100,13 @@
     return found;
   };
   // Rising values with as many digits as tell them apart.
-  const labelled = (values) => {
+  const labelled = (values, size = 1) => {
     const step = Math.min(...values.slice(1).map((value, before) => value - values[before]));
     const digits = (value) => Math.max(5, 1 + Math.ceil(Math.log10(Math.abs(value) / step)));
-    return values.map((value) => [value, number(value, digits(value))]);
+    return values.map((value) => [value, number(rounded(value / size, 12), digits(value))]);
   };
   const ticksOf = (column, most) => {
-    if (!column.texts) return labelled(column.list || roundValues(column.lo, column.hi, most));
+    if (!column.texts) return labelled(column.list || roundValues(column.lo, column.hi, most), column.size);
     const every = Math.ceil(column.texts.length / Math.max(most, 1));
     return column.texts.map((text, place) => [place, text.length > 9 ? text.slice(0, 8) + "…" : text]).filter(([place]) => place % every === 0);
   };
@@ -127,21 +129,23 @@
     for (let i = 0; i < rows; i++) counts[variantOf[i] * classes + classOf[i]] += selected[i];
   };
   const rangeShown = (column) => {
-    const [from, to] = column.range;
+    const [from, to] = column.range.map((value) => value / column.size);
+    const unit = column.shown.unit && " " + column.shown.unit;
     if (column.texts) return column.texts.filter((_, place) => place >= from && place <= to).join(", ") || "none";
-    return from === -Infinity ? `up to ${number(to)}` : to === Infinity ? `from ${number(from)}` : `${number(from)} to ${number(to)}`;
+    return (from === -Infinity ? `up to ${number(to)}` : to === Infinity ? `from ${number(from)}` : `${number(from)} to ${number(to)}`) + unit;
   };
-  const addSwatch = (label, kind, value) => { make("span", undefined, label, { className: "swatch" }).dataset[kind] = value; };
+  // Variants differ by the dashes of their lines, classes by the shapes of their points, both by colour too.
+  const SHAPES = { pass: "■", fail: "✕", diverged: "✚", undecided: "□", lost: "◆", vacuous: "▲", "not-possible": "▬" };
+  const addSwatch = (label, name) => { make("span", SHAPES[name], label, { className: "shape", ariaHidden: "true" }).dataset.class = name; };
   const legend = variants > 1 ? data.variants.map((name, place) => {
     const label = make("label", undefined, byId("legend"));
     const box = make("input", undefined, label, { type: "checkbox", checked: true, onchange: () => { isShown[place] = box.checked; later(); } });
-    addSwatch(label, "run", place % 8);
-    label.append(name + " ");
+    label.append(lineOf(24, DASHES[place % 8], place % 8), name + " ");
     return { box, share: make("span", "", label) };
   }) : [];
   const classLegend = data.classes.map((name) => {
     const label = make("span", undefined, byId("legend"));
-    addSwatch(label, "class", name);
+    addSwatch(label, name);
     return { label, share: make("span", "", label) };
   });
 
@@ -189,7 +193,7 @@
     const pixels = (names) => new Uint32Array(Uint8Array.from(names.flatMap((name) => [...hex(name), 255])).buffer);
     const runs = data.variants.map((_, place) => "c" + (place % 8));
     colours = {
-      ink: of("ink"), soft: of("soft"), grid: of("grid"), link: of("link"), pale: of("pale"), pass: of("class-pass"), fail: of("class-fail"),
+      ink: of("ink"), soft: of("soft"), grid: of("grid"), link: of("link"), pale: of("pale"), paper: of("paper"), pass: of("class-pass"), fail: of("class-fail"),
       runs: runs.map(of), palePixel: pixels(["pale"])[0],
       pixels: { class: pixels(data.classes.map((name) => "class-" + name)), variant: pixels(runs) },
     };
@@ -219,7 +223,7 @@
   const fit = (plot) => {
     const [ratio, width] = [Math.min(devicePixelRatio || 1, 2), Math.max(plot.canvas.clientWidth, 120)];
     if (plot.width === width && plot.ratio === ratio && plot.left === leftWidth) return;
-    Object.assign(plot, { width, ratio, left: leftWidth, at: null, inner: width - leftWidth - RIGHT, tall: plot.height - TOP - BOTTOM });
+    Object.assign(plot, { width, ratio, left: leftWidth, at: null, inner: width - leftWidth - RIGHT, tall: plot.height - TOP - (plot.x.title ? BOTTOM + 14 : BOTTOM) });
     Object.assign(plot.canvas, { width: Math.round(width * ratio), height: Math.round(plot.height * ratio) });
     plot.context = plot.canvas.getContext("2d");
   };
@@ -238,6 +242,17 @@
     for (const one of plots) one.isStale = true;
     requestAnimationFrame(() => drawSeen());
   };
+  // What is not in view is drawn one after another, so that the page answers meanwhile, and a print or a picture of
+  // all of it is whole.
+  const drawNext = () => {
+    const next = plots.find((plot) => plot.isStale && !plot.isSeen);
+    if (!next) {
+      root.dataset.drawn = "true";
+      return;
+    }
+    redraw(next);
+    drawNext.timer = setTimeout(drawNext, 5);
+  };
   const inside = ({ lo, hi }, value) => Math.min(Math.max((value - lo) / (hi - lo), 0), 1);
   const across = (plot, value) => plot.left + plot.inner * inside(plot.x, value);
   const upwards = (plot, value) => TOP + plot.tall * (1 - inside(plot.y, value));
@@ -253,6 +268,7 @@
       line(context, colours.grid, x, TOP, x, bottom);
       context.fillText(text, Math.min(x, plot.width - context.measureText(text).width / 2 - 1), bottom + 5);
     }
+    if (plot.x.title) context.fillText(plot.x.title, plot.left + plot.inner / 2, bottom + 19);
     line(context, colours.soft, plot.left, bottom + 0.5, plot.left + plot.inner, bottom + 0.5);
   };
   const axisLeft = (plot, context, marks) => {
@@ -297,6 +313,19 @@
     context.fillText("no case has a value", plot.width / 2, plot.height / 2);
   };
 
+  // Stripes of the colour of failed cases.
+  const hatch = (context) => {
+    if (hatch.colour !== colours.fail) {
+      const tile = Object.assign(document.createElement("canvas"), { width: 6, height: 6 });
+      const ink = tile.getContext("2d");
+      Object.assign(ink, { fillStyle: colours.fail, strokeStyle: colours.paper, lineWidth: 1 });
+      ink.fillRect(0, 0, 6, 6);
+      ink.globalAlpha = 0.45;
+      ink.stroke(new Path2D("M-1 7L7 -1M-1 1L1 -1M5 7L7 5"));
+      Object.assign(hatch, { colour: colours.fail, tile });
+    }
+    return context.createPattern(hatch.tile, "repeat");
+  };
   // Of a varied value: all cases pale, the selected ones that pass beneath those that do not.
   const drawVaried = (plot, context) => {
     const { x: column } = plot;
@@ -320,7 +349,7 @@
       };
       bar(colours.pale, high(all[bin]));
       if (chosen[bin] === 0) continue;
-      bar(colours.fail, high(chosen[bin]));
+      bar(hatch(context), high(chosen[bin]));
       // The height of the stack is the count's; within it the parts are shares, whatever the heights are.
       bar(colours.pass, (high(chosen[bin]) * passes[bin]) / chosen[bin]);
     }
@@ -351,7 +380,9 @@
       Object.assign(context, { fillStyle: colours.runs[variant], strokeStyle: colours.runs[variant], lineWidth: 1.5, globalAlpha: 0.15 });
       context.fill(outline);
       context.globalAlpha = 1;
+      context.setLineDash(DASHES[variant % 8]);
       context.stroke(outline);
+      context.setLineDash([]);
     }
     if (column.lo <= 0 && column.hi >= 0 && column.role === "margin") zero(context, across(plot, 0), TOP, across(plot, 0), bottom);
     frame(plot, context);
@@ -363,7 +394,7 @@
   const buffers = new Map();
   const bufferOf = (wide, tall, key = wide + "x" + tall) => buffers.get(key) || buffers.set(key, new ImageData(wide, tall)).get(key);
   // Sides of points of each colour, in pixels: less where they are many, so that rare ones are seen among them.
-  const LARGEST = 4;
+  const LARGEST = 6;
   const sizesOf = (plot, area) => {
     const [codes, palette] = [colourBy === "class" ? classOf : variantOf, colours.pixels[colourBy]];
     const many = new Uint32Array(palette.length);
@@ -384,8 +415,28 @@
       plot.at[i] = Number.isNaN(left) || Number.isNaN(up) || (variant !== undefined && variantOf[i] !== variant) ? -1 : row * wide + column;
     }
   };
-  const paint = (pixels, wide, size, at, colour) => {
-    for (let row = 0; row < size; row++) for (let n = 0; n < size; n++) pixels[at + row * wide + n] = colour;
+  // Shapes by the order of classes, or of variants: a square, a cross, a plus, a frame, a diamond, a triangle, a bar; each
+  // covers a place of a point's box or not.
+  const covers = [
+    (x, y, size) => Math.min(x, y) >= size * 0.12 && Math.max(x, y) < size * 0.88,
+    (x, y, size, wide) => Math.abs(x - y) < wide || Math.abs(x + y + 1 - size) < wide,
+    (x, y, size, wide) => Math.abs(x + 0.5 - size / 2) <= wide / 1.5 || Math.abs(y + 0.5 - size / 2) <= wide / 1.5,
+    (x, y, size, wide) => Math.min(x, y, size - 1 - x, size - 1 - y) < wide,
+    (x, y, size) => Math.abs(x + 0.5 - size / 2) + Math.abs(y + 0.5 - size / 2) <= size / 2,
+    (x, y, size) => Math.abs(x + 0.5 - size / 2) <= (y + 1) / 2,
+    (x, y, size, wide) => Math.abs(y + 0.5 - size / 2) <= wide,
+  ];
+  const SHAPE_OF_CLASS = { pass: 0, fail: 1, diverged: 2, undecided: 3, lost: 4, vacuous: 5, "not-possible": 6 };
+  // The places of a shape from its first pixel, for a row of pixels so wide; small points are squares.
+  const stamps = new Map();
+  const stampOf = (nth, size, wide, ratio, key = [nth, size, wide].join()) => {
+    if (stamps.has(key)) return stamps.get(key);
+    const offsets = [];
+    for (let y = 0; y < size; y++) for (let x = 0; x < size; x++) if (size < 4 || covers[nth](x, y, size, Math.max(1, 0.8 * ratio))) offsets.push(y * wide + x);
+    return stamps.set(key, offsets).get(key);
+  };
+  const paint = (pixels, offsets, at, colour) => {
+    for (const offset of offsets) pixels[at + offset] = colour;
   };
   const drawPoints = (plot, context) => {
     const { x, y, ratio } = plot;
@@ -398,10 +449,11 @@
     const palette = colours.pixels[colourBy];
     const sizes = sizesOf(plot, wide * tall);
     const shifts = sizes.map((size) => Math.floor((largest - size) / 2) * (wide + 1));
-    if (isAny()) for (let i = 0; i < rows; i++) if (selected[i] === 0 && at[i] >= 0) paint(pixels, wide, sizes[codes[i]], at[i] + shifts[codes[i]], colours.palePixel);
+    const of = sizes.map((size, code) => stampOf(colourBy === "class" ? SHAPE_OF_CLASS[data.classes[code]] : code % covers.length, size, wide, ratio));
+    if (isAny()) for (let i = 0; i < rows; i++) if (selected[i] === 0 && at[i] >= 0) paint(pixels, of[codes[i]], at[i] + shifts[codes[i]], colours.palePixel);
     for (let n = 0; n < rows; n++) {
       const i = order[n];
-      if (selected[i] === 1 && at[i] >= 0) paint(pixels, wide, sizes[codes[i]], at[i] + shifts[codes[i]], palette[codes[i]]);
+      if (selected[i] === 1 && at[i] >= 0) paint(pixels, of[codes[i]], at[i] + shifts[codes[i]], palette[codes[i]]);
     }
     context.putImageData(image, Math.round(plot.left * ratio), Math.round(TOP * ratio));
     axisBelow(plot, context);
@@ -436,8 +488,10 @@
     const read = (text) => new Float32Array(bytesOf(text).buffer);
     const perVariant = envelopes.variants.map((signals) => read(signals[place]));
     const worst = envelopes.worst.map((one) => ({ ...one, curve: read(one.signals[place]) }));
-    const label = name + unitOf(unit);
-    return { label, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
+    const largest = perVariant.reduce((most, curves) => curves.reduce((most, value) => (Number.isFinite(value) ? Math.max(most, Math.abs(value)) : most), most), 0);
+    const display = shownUnit(unit, largest);
+    const label = name + unitOf(display.unit);
+    return { label, size: 10 ** display.power, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
   });
   // A range that a few far values do not stretch.
   const scaleOf = (curves, bins) => {
@@ -459,7 +513,7 @@
     const at = (bin) => plot.left + (plot.inner * (bin + 0.5)) / bins;
     const up = (value) => TOP + plot.tall * (1 - (value - plot.y.lo) / (plot.y.hi - plot.y.lo));
     axisBelow(plot, context);
-    axisLeft(plot, context, labelled(roundValues(plot.y.lo, plot.y.hi, plot.tall / 30)).map(([value, text]) => [up(value), text]));
+    axisLeft(plot, context, labelled(roundValues(plot.y.lo, plot.y.hi, plot.tall / 30), plot.size).map(([value, text]) => [up(value), text]));
     context.save();
     context.beginPath();
     context.rect(plot.left, TOP, plot.inner, plot.tall);
@@ -491,9 +545,7 @@
     const worst = plot.worst.find((one) => one.variant === plot.variant && one.requirement === byId("worst").value);
     if (worst) between(curve(worst.curve, 0), curve(worst.curve, 1), 0, false);
     context.restore();
-    if (!worst) return;
-    Object.assign(context, { fillStyle: colours.ink, textAlign: "right", textBaseline: "top" });
-    context.fillText(`case ${worst.case}`, plot.left + plot.inner - 3, TOP + 2);
+    plot.figure.firstChild.textContent = plot.caption + (worst ? `, line: case ${worst.case}` : "");
   };
   const addTimed = (envelopes) => {
     const names = [...new Set(envelopes.worst.map((one) => one.requirement))];
@@ -505,17 +557,17 @@
       for (const plot of plots) if (plot.scales) plot.y = plot.scales[target.checked ? 0 : 1];
       drawSeen(true);
     });
-    const x = { lo: 0, hi: envelopes.bins * envelopes.bin_s, range: null, isUndrawn: false };
+    const x = { lo: 0, hi: envelopes.bins * envelopes.bin_s, size: 1, title: "Time [s]", range: null, isUndrawn: false };
     // Variants of a signal stand beside each other.
     const all = byId("timed");
     const below = variants > 1 ? null : make("div", undefined, all, { className: "plots" });
-    for (const { label, perVariant, worst, all: shared, each } of timed(envelopes)) {
+    for (const { label, size, perVariant, worst, all: shared, each } of timed(envelopes)) {
       if (!below) make("h4", label, all);
       const beside = below || make("div", undefined, all, { className: "plots" });
       perVariant.forEach((curves, variant) => {
         const plot = addPlot(beside, below ? label : data.variants[variant], 170, x, shared, drawTimed, false);
-        plot.canvas.ariaLabel = `${label} over s: ${data.variants[variant]}`;
-        Object.assign(plot, { curves, worst, variant, scales: [shared, each[variant]] });
+        plot.canvas.ariaLabel = `${label} over time in s: ${data.variants[variant]}`;
+        Object.assign(plot, { curves, size, worst, caption: plot.figure.firstChild.textContent, variant, scales: [shared, each[variant]] });
       });
     }
   };
@@ -621,6 +673,8 @@
   const drawSeen = (isAll) => {
     if (isAll) for (const plot of plots) plot.isStale = true;
     plots.filter((plot) => plot.isSeen && plot.isStale).forEach(redraw);
+    clearTimeout(drawNext.timer);
+    drawNext.timer = setTimeout(drawNext, 250);
   };
   let isDue = false;
   const later = () => {
