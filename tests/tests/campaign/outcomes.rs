@@ -257,7 +257,7 @@ fn a_fault_that_a_variant_cannot_have_is_a_row_with_the_reason() {
         (&json!("not-possible"), &json!("short"))
     );
     let reason = rows[0]["reason"].as_str().expect("a text");
-    assert!(reason.contains("4.5 s"), "{reason}");
+    assert!(reason.contains("already over at 4.7 s"), "{reason}");
     assert_eq!(rows[1]["outcome"], "pass", "{}", rows[1]);
     let answers = planned.on("show --json").expect(0).json();
     let passes = &answers["variants"][0]["passes"];
