@@ -115,6 +115,33 @@ impl RequestContext {
         }
     }
 
+    /// Lists every kind of fault with the targets on which it can act: names, keys of parts of the plant such as
+    /// `actuator = 1`, or an empty text for the plant itself. Kinds without a target are left out.
+    #[must_use]
+    pub fn targets(&self) -> Vec<(String, Vec<String>)> {
+        let reference: Vec<Field> = self.stimuli.iter().flat_map(Stimulus::fields).collect();
+        let inputs = driven(&self.stimuli);
+        let context = EventContext {
+            plant: Some(&self.plant),
+            kinds: &self.kinds,
+            healthy: None,
+            reference: Some(&reference),
+            inputs: Some(&inputs),
+            advice: Advice {
+                stimuli: &self.stimuli,
+                constants: &self.constants,
+            },
+            networks: self.networks,
+            columns: None,
+            grid: None,
+            origin: Origin::Live {
+                names: &self.names,
+                first_id: self.first_id,
+            },
+        };
+        faults::targets(&context)
+    }
+
     const fn grid(&self) -> Grid {
         Grid {
             rate: self.rate,

@@ -1,7 +1,7 @@
 //! `--set KEY=VALUE`: one value of the scenario from the command line.
 //!
 //! A key is the path of a value, such as `faults[0].effects[1].speed_per_s`; missing tables are created, but list
-//! entries must exist. A value is TOML; anything that is not valid TOML is text, so that `controller.law=pid` needs no
+//! entries must exist. `faults[+]` at the end of a key appends an entry, to a new list if there is none. A value is TOML; anything that is not valid TOML is text, so that `controller.law=pid` needs no
 //! quotes. The value remembers that it came from the flag.
 
 use std::ops::Range;
@@ -28,6 +28,8 @@ const MOST_PARTS: usize = 32;
 enum Part {
     Key(String),
     Index(usize),
+    /// New entry at the end of a list.
+    Append,
 }
 
 /// Part of a key and its bytes in the flag.
@@ -120,13 +122,16 @@ fn parts(key: &str) -> Result<Vec<Placed>, FlagError> {
         let mut rest = indices;
         while !rest.is_empty() {
             let closed = rest.strip_prefix('[').and_then(|rest| rest.split_once(']'));
-            let index = closed.and_then(|(digits, rest)| Some((digits.parse().ok()?, rest)));
+            let index = closed.and_then(|(digits, rest)| match digits {
+                "+" => Some((Part::Append, rest)),
+                digits => Some((Part::Index(digits.parse().ok()?), rest)),
+            });
             let Some((index, after)) = index else {
                 let message = format!("`{rest}` is not an index like [0]");
                 return Err(error(at..at + rest.len(), key, message));
             };
             let length = rest.len() - after.len();
-            parts.push((Part::Index(index), at..at + length));
+            parts.push((index, at..at + length));
             at += length;
             rest = after;
         }
@@ -147,11 +152,15 @@ fn put(table: &mut Table, parts: &[Placed], value: Node, source: usize) -> Resul
         let message = format!("there is no list `{name}`");
         return Err(error(span.clone(), name, message));
     }
+    let is_appended = matches!(rest.first(), Some((Part::Append, _)));
     let entry = table.entry(name, || Entry {
         key: name.clone(),
         key_place: key_place.clone(),
         node: Node {
-            value: Value::Table(Table::default()),
+            value: match is_appended {
+                true => Value::List(Vec::new()),
+                false => Value::Table(Table::default()),
+            },
             place: key_place.clone(),
         },
     });
@@ -167,7 +176,7 @@ fn first_key<'a>(table: &Table, parts: &'a [Placed]) -> (String, Range<usize>, &
     let names: Vec<&str> = (parts.iter())
         .map_while(|(part, _)| match part {
             Part::Key(name) => Some(name.as_str()),
-            Part::Index(_) => None,
+            Part::Index(_) | Part::Append => None,
         })
         .collect();
     let quoted = (2..=names.len()).rev().find_map(|count| {
@@ -203,6 +212,21 @@ fn put_below(
             Value::Table(table) => put(table, rest, value, source),
             other => {
                 let message = format!("`{name}` is {}, not a table", other.type_name());
+                Err(error(span.clone(), name, message))
+            }
+        },
+        Some((Part::Append, span)) => match &mut node.value {
+            _ if rest.len() > 1 => {
+                let message =
+                    format!("`{name}[+]` appends a whole entry; nothing may follow `[+]`");
+                Err(error(span.clone(), name, message))
+            }
+            Value::List(items) => {
+                items.push(value);
+                Ok(())
+            }
+            other => {
+                let message = format!("`{name}` is {}, not a list", other.type_name());
                 Err(error(span.clone(), name, message))
             }
         },
@@ -261,6 +285,8 @@ mod tests {
             ("a[x]", 1..4),
             ("a[0]b", 4..5),
             ("a[-1]", 1..5),
+            ("a[+", 1..3),
+            ("a[++]", 1..5),
             ("a b", 0..3),
         ] {
             assert_eq!(parts(key).expect_err(key).span, span, "{key}");

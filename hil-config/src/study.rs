@@ -4,6 +4,7 @@
 //! nothing itself, and is independent of plants and laws: values are validated when the scenario of a case is checked,
 //! and [`Study::at_home`] maps the problems back to their places in the study.
 
+mod faults;
 mod read;
 
 use std::path::{Path, PathBuf};
@@ -14,6 +15,7 @@ use crate::problem::{FLAG, Problem, ProblemKind, Problems};
 use crate::reader::Reader;
 use crate::scenario::{Scenario, advice_on_missing};
 use crate::source::{Place, Sources};
+pub use faults::{FAULT, FaultKindTable, FaultTable, TriedFault};
 
 /// Maximum number of values in Sobol' points.
 pub const MOST_SOBOL: usize = 64;
@@ -53,6 +55,8 @@ pub struct Study {
     pub goals: Vec<Goal>,
     /// Settings of a search.
     pub search: Search,
+    /// Faults of which each is tried alone; the first varied value chooses one, once their targets are known.
+    pub faults: Option<FaultTable>,
     sources: Sources,
     /// Folder of the study, to which its paths are relative.
     folder: PathBuf,
@@ -164,6 +168,13 @@ pub enum Item {
     Text(String),
     /// Boolean.
     Flag(bool),
+    /// Table, with a text that stands for it.
+    Table {
+        /// Text.
+        label: String,
+        /// TOML text.
+        toml: String,
+    },
 }
 
 /// Version of the scenario.
@@ -173,6 +184,8 @@ pub struct Variant {
     pub name: String,
     /// Flags `KEY=VALUE` that define the version.
     pub set: Vec<String>,
+    /// Alarm in place of that of the table of faults.
+    pub detected: Option<String>,
 }
 
 /// Correlation of two varied values.
@@ -231,6 +244,12 @@ impl Study {
         read::text(text, origin.into())
     }
 
+    /// Returns the file of the study, which need not exist.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        Path::new(self.sources.name(Sources::SCENARIO))
+    }
+
     /// Returns the text of the study.
     #[must_use]
     pub fn text(&self) -> &str {
@@ -286,6 +305,14 @@ impl Study {
         self.homes.iter().any(|(home, _)| home == key)
     }
 
+    /// Returns the flag that adds the metric of detection and recovery to a case of a variant; `None` without a table of
+    /// faults that declares either. Without `has_fault` the metric is about the first fault of the scenario.
+    #[must_use]
+    pub fn timing_flag(&self, variant: usize, has_fault: bool) -> Option<String> {
+        let own_alarm = self.variants[variant].detected.as_deref();
+        self.faults.as_ref()?.metric(own_alarm, has_fault)
+    }
+
     /// Maps a problem of a case's scenario to the study, if a flag of the study caused it.
     #[must_use]
     pub fn at_home(&self, problem: Problem) -> Problem {
@@ -293,8 +320,9 @@ impl Study {
             return problem;
         };
         let (key, value) = flag.split_once('=').unwrap_or((flag, ""));
-        let home = self.homes.iter().find(|(home, _)| home == key);
-        let Some((_, place)) = home else {
+        // A fault that the study tries has the place of its kind.
+        let home = |text: &str| self.homes.iter().find(|(home, _)| home == text);
+        let Some((_, place)) = home(flag).or_else(|| home(key)) else {
             return problem;
         };
         let mut help = format!("a case has {key}={value}");
@@ -341,6 +369,7 @@ impl Item {
             Self::Number(_, text) => text.clone(),
             Self::Text(text) => toml::Value::String(text.clone()).to_string(),
             Self::Flag(value) => value.to_string(),
+            Self::Table { toml, .. } => toml.clone(),
         }
     }
 }

@@ -2,9 +2,11 @@
 
 mod damage;
 mod engines;
+mod every_fault;
 mod growth;
 mod leaks;
 mod mistakes;
+mod outcomes;
 mod own;
 mod page;
 mod sensitivity;

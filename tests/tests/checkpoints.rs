@@ -9,10 +9,10 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::every_fault::{LAWS, faults, with_fault};
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::{example, program, shipped};
+use crate::tried_faults::{LAWS, faults, with_fault};
 
 /// Two seconds under FTSC; both actuators begin to leak at 1 s.
 const SCENARIO: &str = "tests/scenarios/leakage.toml";

@@ -65,7 +65,6 @@
 //! | [`search`] | the smallest fault that breaks a requirement, and the worst case |
 //! | [`succession`] | loss of controllers, and handover to others |
 //! | [`suite`] | several runs by one command |
-//! | [`survival`] | every law with every kind of fault |
 //! | [`tables`] | the compiler names each mistake in a `table!` and points at its row |
 //! | [`target`] | the controller on another machine: the same digest, whatever the network does |
 //! | [`trim`] | equilibria against closed forms, kept by runs that begin there, and refusals by name |
@@ -125,8 +124,6 @@ mod connect;
 mod debian;
 mod determinism;
 mod doctor;
-#[path = "../shared/every_fault.rs"]
-mod every_fault;
 mod evidence;
 mod examples;
 mod excerpts;
@@ -183,9 +180,10 @@ mod search;
 mod succession;
 mod suite;
 mod support;
-mod survival;
 mod tables;
 mod target;
+#[path = "../shared/tried_faults.rs"]
+mod tried_faults;
 mod trim;
 mod tuning;
 mod vacuous;

@@ -13,11 +13,11 @@ use shared_types::random::RandomStream;
 use copy::Copy;
 
 use crate::clocks;
-use crate::every_fault;
 use crate::support::harness::{Rig, Run, text, until};
 use crate::support::programs::{
     example, misbehaving_controller, of_pendulum, program, program_of_tests, shipped,
 };
+use crate::tried_faults;
 
 /// Two seconds of the hydraulic system; the runs here are shorter.
 const LEAKAGE: &str = "tests/scenarios/leakage.toml";
@@ -53,11 +53,11 @@ fn with_all_faults(rig: &Rig) -> PathBuf {
         "late",
         "skip",
     ];
-    let faults = every_fault::faults();
+    let faults = tried_faults::faults();
     let chosen = faults.iter().filter(|fault| kinds.contains(&&*fault.kind));
     let mut count = 0;
     for fault in chosen {
-        scenario = every_fault::with_fault(&scenario, fault, 0.02 + 0.01 * f64::from(count));
+        scenario = tried_faults::with_fault(&scenario, fault, 0.02 + 0.01 * f64::from(count));
         count += 1;
     }
     assert_eq!(count as usize, kinds.len());

@@ -31,7 +31,7 @@ use names::Names;
 
 pub(crate) use effect::unit_of;
 use kind::FaultKind;
-pub(crate) use target::groups;
+pub(crate) use target::{groups, targets};
 
 /// Context against which faults are checked. A part that is `None` is itself faulty; anything that depends on it is not
 /// checked.

@@ -1,7 +1,8 @@
 //! Keys of a study, the file of a campaign.
 
 use super::{
-    Key, KeyKind, SectionKind, TEXT, VERSION, choice, integer, integer_or, number, number_or,
+    Key, KeyKind, LENGTH, MAX_S, SectionKind, TEXT, VERSION, choice, integer, integer_or, number,
+    number_or,
 };
 
 /// Maximum number of cases in a campaign.
@@ -56,6 +57,8 @@ pub(crate) const STUDY: &[Key] = keys! {
     correlate: KeyKind::List(CORRELATE), "Correlations of normal and lognormal values.";
     goals: KeyKind::List(GOAL), "Goals that the campaign must meet to pass.";
     search: KeyKind::Section(SEARCH), "Settings of hil search.";
+    faults: KeyKind::Section(FAULTS),
+        "Faults of which each is tried alone in every variant: the campaign shows a table of faults by outcomes. Sampling is a grid.";
 };
 
 /// `[[vary]]`.
@@ -109,6 +112,8 @@ pub(crate) const SPREADS: &[SectionKind] = kinds! {
 pub(crate) const VARIANT: &[Key] = keys! {
     name!: TEXT, "Name: letters, digits, - and _.";
     set: KeyKind::Texts, "Scenario values of the variant, each written as for --set. Default: none.";
+    detected: TEXT,
+        "Alarm of this variant in place of that of `[faults]`; `none` for a law without an alarm.";
 };
 
 /// `[[correlate]]`.
@@ -137,4 +142,25 @@ pub(crate) const SEARCH: &[Key] = keys! {
     probes: integer_or(0, 1000, PROBES),
         "Sizes between both ends that are tried before bisection, to see that everything fails beyond the first failure.";
     runs: integer_or(2, 1_000_000, RUNS), "Largest number of runs.";
+};
+
+/// `[faults]`.
+pub(crate) const FAULTS: &[Key] = keys! {
+    onsets_s: KeyKind::Numbers, "Times at which each fault takes effect. Default: each kind has its own.";
+    detected: TEXT, "Alarm: expression that holds while the law sees a fault. Default: nothing is detected.";
+    held_s: number_or("s", 0.0, MAX_S, 0.01), "Time that the alarm must hold to count.";
+    recovered: TEXT,
+        "Expression that holds while the fault is overcome; the recovery is the step from which it holds to the end.";
+    kinds!: KeyKind::List(FAULT_KIND), "Kinds of faults that are tried; the others are rows of the table, too.";
+};
+
+/// `[[faults.kinds]]`.
+pub(crate) const FAULT_KIND: &[Key] = keys! {
+    kind!: TEXT, "Kind of fault: one of the plant's own, or one on signals, links or timing.";
+    targets: KeyKind::Texts,
+        "Targets: names as in `target` of an effect, or the key of a part of the plant, such as `actuator = 1`. Default: every target on which the kind can act, except parameters.";
+    sizes: KeyKind::Texts,
+        "Sizes: each the keys of an effect as TOML, such as `bias = 0.01`. Default: one without keys, for a kind that has no size.";
+    onsets_s: KeyKind::Numbers, "Times at which these faults take effect. Default: those of `[faults]`.";
+    duration_s: LENGTH, "Time that each fault acts. Default: it stays.";
 };

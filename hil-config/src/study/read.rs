@@ -1,5 +1,6 @@
 //! Reader of studies: from text to checked values, or all problems.
 
+mod faults;
 mod search;
 mod spread;
 
@@ -73,7 +74,10 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
         "saltelli" => Sampling::Saltelli,
         _ => Sampling::Independent,
     };
-    let varied = varied(reader, root, sampling, &mut homes);
+    let sampling = faults::sampling(reader, root, sampling);
+    let fault_table = faults::faults(reader, root, &mut homes);
+    let fault = fault_table.as_ref().and_then(faults::chooses);
+    let varied = varied(reader, root, sampling, fault, &mut homes);
     let variants = variants(reader, root, &mut homes);
     let correlations = correlations(reader, root, sampling, &varied);
     let confidence = reader.number(root, "confidence");
@@ -103,6 +107,7 @@ fn study(reader: &mut Reader, root: &Section<'_>, source: &Scenario) -> Option<S
         correlations,
         goals,
         search: search?,
+        faults: fault_table,
         sources: source.sources.clone(),
         folder,
         homes: homes.all,
@@ -161,9 +166,10 @@ fn varied(
     reader: &mut Reader,
     root: &Section<'_>,
     sampling: Sampling,
+    fault: Option<Varied>,
     homes: &mut Homes,
 ) -> Vec<Varied> {
-    let mut all: Vec<Varied> = Vec::new();
+    let mut all: Vec<Varied> = fault.into_iter().collect();
     let mut columns = Columns::default();
     let kinds = SPREADS.iter().map(|kind| (kind.name, kind.keys));
     for section in &reader.list(root, "vary") {
@@ -256,6 +262,11 @@ fn variants(reader: &mut Reader, root: &Section<'_>, homes: &mut Homes) -> Vec<V
     for section in &reader.list(root, "variants") {
         reader.refuse_unknown(section, &[]);
         let name = reader.text(section, "name");
+        let detected = reader.text(section, "detected").map(Into::into);
+        if detected.is_some() && root.table.get("faults").is_none() {
+            let message = "a variant has an alarm, and the study has no [faults]";
+            reader.report_at(section, "detected", ProblemKind::Mismatch, message);
+        }
         let set = homes.flags(reader, section, &allowed);
         allowed.extend(set.iter().map(|flag| flag_key(flag).to_owned()));
         let Some(name) = name else { continue };
@@ -264,11 +275,18 @@ fn variants(reader: &mut Reader, root: &Section<'_>, homes: &mut Homes) -> Vec<V
             reader.refuse(section, "name", name, expected);
         }
         let name = name.into();
-        all.push(Variant { name, set });
+        all.push(Variant {
+            name,
+            set,
+            detected,
+        });
     }
     if all.is_empty() {
-        let (name, set) = ("scenario".into(), Vec::new());
-        all.push(Variant { name, set });
+        all.push(Variant {
+            name: "scenario".into(),
+            set: Vec::new(),
+            detected: None,
+        });
     }
     all
 }

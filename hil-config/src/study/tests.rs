@@ -275,3 +275,71 @@ expression = "b + c"
     let study = study(text);
     assert_eq!((study.draws, study.rows(), study.drawn()), (40, 10, 2));
 }
+
+#[test]
+fn a_table_of_faults_is_a_grid_over_kinds_targets_sizes_and_onsets() {
+    let study = study(
+        r#"
+[[variants]]
+name = "a"
+[[variants]]
+name = "b"
+detected = "none"
+[faults]
+onsets_s = [1.0, 2.0]
+detected = "truth.x > 1"
+[[faults.kinds]]
+kind = "bias"
+targets = ["measured.x", "command.y"]
+sizes = ["bias = 0.5"]
+[[faults.kinds]]
+kind = "leakage"
+targets = ["actuator = 1"]
+sizes = ["area = 1, profile = { kind = \"ramp\", duration_s = 2 }", "area = 2"]
+onsets_s = [3.0]
+duration_s = 0.25
+"#,
+    );
+    assert_eq!(
+        (study.sampling, study.draws, study.cases()),
+        (Sampling::Grid, 6, 12)
+    );
+    let tried = study.faults.as_ref().expect("a table").tried();
+    let flags: Vec<String> = tried.iter().map(TriedFault::flag).collect();
+    let bias = |target: &str, at_s: &str| {
+        format!(
+            "faults[+]={{ name = \"tried\", kind = \"bias\", at_s = {at_s}, effects = [{{ target = \"{target}\", bias = 0.5 }}] }}"
+        )
+    };
+    assert_eq!(
+        flags[..4],
+        [
+            bias("measured.x", "1.0"),
+            bias("measured.x", "2.0"),
+            bias("command.y", "1.0"),
+            bias("command.y", "2.0"),
+        ]
+    );
+    assert_eq!(
+        flags[4],
+        "faults[+]={ name = \"tried\", kind = \"leakage\", at_s = 3.0, duration_s = 0.25, effects = [{ actuator = 1, area = 1, profile = { kind = \"ramp\", duration_s = 2 } }] }"
+    );
+    // Every variant has the same columns of results, with or without an alarm.
+    let timing = |variant| study.timing_flag(variant, true).expect("an alarm");
+    assert!(
+        timing(0).contains("alarm = \"truth.x > 1\""),
+        "{}",
+        timing(0)
+    );
+    assert!(timing(1).contains("alarm = \"0\""), "{}", timing(1));
+    assert!(timing(1).contains("fault = \"tried\""), "{}", timing(1));
+}
+
+#[test]
+fn faults_without_targets_are_no_varied_value_yet() {
+    let study = study("[faults]\nonsets_s = [1.0]\n[[faults.kinds]]\nkind = \"late\"\n");
+    let table = study.faults.as_ref().expect("a table");
+    assert!(!table.is_complete() && table.tried().is_empty());
+    assert!(study.varied.is_empty());
+    assert_eq!(study.timing_flag(0, true), None);
+}

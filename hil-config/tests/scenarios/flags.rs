@@ -186,3 +186,29 @@ fn faulty_flags_and_a_faulty_file_are_reported_together() {
         .expect_err("all wrong");
     assert_eq!(problems.0.len(), 4, "{problems}");
 }
+
+#[test]
+fn a_flag_appends_an_entry_to_a_list() {
+    let fault = |time: &str| {
+        format!(
+            "faults[+]={{ kind = \"leakage\", at_s = {time}, effects = [{{ actuator = 1, coefficient_m3ps_per_sqrt_pa = 0.0, speed_per_s = 1.0 }}] }}"
+        )
+    };
+    let before = set(&[]).faults.len();
+    let actual = set(&[&fault("0.5"), &fault("0.75")]);
+    let steps: Vec<_> = (actual.faults.iter().skip(before))
+        .map(|event| event.trigger.clone())
+        .collect();
+    assert_eq!(steps.len(), 2, "{steps:?}");
+    assert_ne!(steps[0], steps[1]);
+    let problems = with(&["faults[+].at_s=1"]).expect_err("an entry is whole");
+    assert!(
+        problems[0].message.contains("nothing may follow `[+]`"),
+        "{problems:?}"
+    );
+    let problems = with(&["run[+]=1"]).expect_err("no list");
+    assert!(
+        problems[0].message.contains("`run` is a table, not a list"),
+        "{problems:?}"
+    );
+}

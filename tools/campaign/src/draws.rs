@@ -72,6 +72,7 @@ impl Drawn {
             }
             Self::Item(Item::Text(text)) => Cell::Text(text.clone()),
             Self::Item(Item::Flag(value)) => Cell::Text(value.to_string()),
+            Self::Item(Item::Table { label, .. }) => Cell::Text(label.clone()),
         }
     }
 
@@ -230,6 +231,23 @@ impl Draws {
         for (one, value) in study.varied.iter().zip(values) {
             flags.extend(one.key.iter().map(|key| format!("{key}={}", value.toml())));
         }
+        flags.extend(study.timing_flag(variant, true));
+        flags
+    }
+
+    /// Returns the flags of a case of a study with a table of faults, without its fault.
+    pub(crate) fn healthy_flags(&self, case: u64) -> Vec<String> {
+        let (draw, variant) = self.of_case(case);
+        let values = self.values(draw);
+        let mut flags = self.flags_of(variant, self.seed(draw), &values);
+        let mut of_fault: Vec<String> = self.study.timing_flag(variant, true).into_iter().collect();
+        // The first value chooses the fault.
+        let first = self.study.varied.first().zip(values.first());
+        of_fault.extend(
+            first.and_then(|(one, value)| Some(format!("{}={}", one.key.as_ref()?, value.toml()))),
+        );
+        flags.retain(|flag| !of_fault.contains(flag));
+        flags.extend(self.study.timing_flag(variant, false));
         flags
     }
 

@@ -43,6 +43,24 @@ pub struct Stage {
     pub shard_cases: u64,
 }
 
+/// Faults of a campaign that tries some: what is left out, and what the check refuses.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FaultPlan {
+    /// Kinds and targets that no case tries.
+    pub untried: Vec<Untried>,
+    /// Cases whose fault the check refuses, with the reason; they are not run.
+    pub impossible: BTreeMap<u64, String>,
+}
+
+/// Kind of fault with the targets on which no case tries it.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Untried {
+    /// Kind.
+    pub kind: String,
+    /// Targets, at least one.
+    pub targets: Vec<String>,
+}
+
 /// Content of a campaign's manifest.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
@@ -78,6 +96,9 @@ pub struct Manifest {
     /// Grid of the signals whose curves are recorded for the report.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub curves: Option<Grid>,
+    /// Faults of a study that tries some.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub faults: Option<FaultPlan>,
     /// Duration of a case, measured during planning, in s; determines only the size of jobs.
     pub case_s: f64,
 }

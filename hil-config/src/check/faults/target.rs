@@ -330,3 +330,23 @@ fn possible(context: &EventContext<'_>, acts_on: ActsOn) -> Vec<String> {
     }
     names
 }
+
+/// Lists every kind of fault with its valid targets, the plant's own first.
+pub(crate) fn targets(context: &EventContext<'_>) -> Vec<(String, Vec<String>)> {
+    let own = context.plant.into_iter().flat_map(|plant| {
+        plant.faults.iter().map(move |fault| {
+            let targets = match &fault.selector {
+                Some(selector) => (groups(plant, fault).into_iter())
+                    .map(|number| format!("{selector} = {number}"))
+                    .collect(),
+                None => vec![String::new()],
+            };
+            (fault.kind.clone(), targets)
+        })
+    });
+    let shared =
+        (context.kinds.iter()).map(|kind| (kind.kind.clone(), possible(context, kind.acts_on)));
+    own.chain(shared)
+        .filter(|(_, targets)| !targets.is_empty())
+        .collect()
+}

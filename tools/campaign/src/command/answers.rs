@@ -6,6 +6,7 @@
 //! so no bounds are given in that case.
 
 mod gathered;
+pub(super) mod outcomes;
 
 use crate::binomial;
 use crate::collect::Collected;
@@ -21,6 +22,7 @@ use shared_types::table::number;
 
 use gathered::Cases;
 pub(super) use gathered::Gathered;
+use outcomes::{OutcomeRow, Outcomes};
 
 /// Classes of cases.
 pub(super) const CLASSES: [&str; 7] = [
@@ -68,6 +70,9 @@ pub(super) struct Answers {
     pub(super) lost: Vec<u64>,
     pub(super) variants: Vec<VariantAnswer>,
     pub(super) goals: Vec<GoalAnswer>,
+    /// Faults by outcomes, of a campaign that tries some.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) faults: Vec<OutcomeRow>,
 }
 
 impl Answers {
@@ -200,6 +205,7 @@ pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
         varied,
         requirements,
         variants: cases,
+        outcomes,
         ..
     } = gathered;
     let (digest, lost) = (collected.digest.clone(), collected.lost.clone());
@@ -226,6 +232,7 @@ pub(super) fn of(gathered: Gathered, collected: &Collected) -> Answers {
         lost,
         goals: goals.collect(),
         variants,
+        faults: outcomes.map(Outcomes::rows).unwrap_or_default(),
     }
 }
 

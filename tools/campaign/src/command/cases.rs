@@ -1,5 +1,6 @@
 //! The cases of a study: the plan of each case, and the row that results from running it.
 
+mod faults;
 mod own;
 mod rows;
 
@@ -42,6 +43,8 @@ pub(super) struct Cases {
     files: Vec<(String, String)>,
     /// Grid of the curves, if they are recorded.
     grid: Option<Arc<Grid>>,
+    /// For each kind of fault that the study tries, `true` if the study names its targets.
+    named_targets: Vec<bool>,
 }
 
 /// Plant and controller of the cases.
@@ -89,7 +92,7 @@ impl Cases {
             }
             false => Rig::BuiltIn(Box::new(alone::built_in())),
         };
-        Ok(Self::new(draws, scenario, rig, BTreeMap::new()))
+        Self::new(draws, scenario, rig, BTreeMap::new()).with_targets()
     }
 
     /// Loads the cases of a campaign from the copies in its folder.
@@ -146,7 +149,10 @@ impl Cases {
 
     fn new(draws: Draws, scenario: Scenario, rig: Rig, tables: BTreeMap<String, String>) -> Self {
         let files = scenario.files();
+        let table = draws.study().faults.as_ref();
+        let kinds = table.into_iter().flat_map(|table| &table.kinds);
         Self {
+            named_targets: kinds.map(|one| one.targets.is_some()).collect(),
             draws,
             scenario,
             rig,

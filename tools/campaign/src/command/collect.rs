@@ -1,7 +1,7 @@
 //! `hil campaign collect`: joins the results into one table in the folder, and the circumstances of the cases into
 //! another.
 
-use std::io::BufWriter;
+use std::io::{BufWriter, Write as _};
 
 use hil_console::files::part_file::PartFile;
 use hil_console::terminal::exit::{Exit, Failure};
@@ -11,11 +11,12 @@ use crate::collect::Collected;
 use crate::folder::Folder;
 use crate::shard::part::Part;
 use crate::shard::{Shard, missing};
-use crate::table::sealed;
+use crate::table::{TableError, Writer, sealed};
 use hil_config::study::Study;
 use serde_json::json;
 use shared_types::number::counted;
 
+use super::answers::outcomes::{self, OutcomeRow, Outcomes};
 use super::planned::{self, cannot};
 use super::quoted;
 use super::values;
@@ -26,6 +27,9 @@ use crate::arguments::CollectArguments;
 pub(super) const RESULTS: &str = "results.parquet";
 /// File name of the table of circumstances.
 const CIRCUMSTANCES: &str = "circumstances.parquet";
+/// File names of the table of faults by outcomes.
+const FAULTS: &str = "faults.parquet";
+const FAULTS_CSV: &str = "faults.csv";
 /// Maximum number of cases or shards that are listed.
 const MOST_LISTED: usize = 10;
 
@@ -87,8 +91,9 @@ pub(super) fn join(
     folder: &Folder,
     study: &Study,
     partial: bool,
-    take: impl FnMut(&Part),
+    mut take: impl FnMut(&Part),
 ) -> Result<Collected, Failure> {
+    let mut outcomes = Outcomes::new(folder, study);
     let missing = missing(folder);
     if !partial {
         refuse_missing(folder, &missing)?;
@@ -110,7 +115,10 @@ pub(super) fn join(
     };
     let (results, to, path) = part(RESULTS)?;
     let (circumstances, also_to, other) = part(CIRCUMSTANCES)?;
-    let joined = crate::collect::collect(folder, to, also_to, take);
+    let joined = crate::collect::collect(folder, to, also_to, |part| {
+        take(part);
+        outcomes.iter_mut().for_each(|table| table.take(part));
+    });
     let (collected, to, also_to) = joined.map_err(|error| cannot_join(&error))?;
     for (number, what) in &collected.broken {
         let aside = Shard::of(folder, *number).set_aside();
@@ -135,7 +143,28 @@ pub(super) fn join(
         part.complete(&path, true)
             .map_err(|error| cannot_join(&error))?;
     }
+    if let Some(outcomes) = outcomes {
+        write_faults(folder, &outcomes.rows()).map_err(|error| cannot_join(&error))?;
+    }
     Ok(collected)
+}
+
+/// Writes the table of faults by outcomes as CSV and as Parquet.
+fn write_faults(folder: &Folder, rows: &[OutcomeRow]) -> Result<(), TableError> {
+    let (columns, rows) = outcomes::exported(rows);
+    let mut table = Writer::new(Vec::new(), &columns)?;
+    for row in &rows {
+        table.row(row)?;
+    }
+    let parquet = table.finish(&[("campaign", folder.id().to_owned())])?;
+    let csv = outcomes::csv(&columns, &rows).into_bytes();
+    for (name, bytes) in [FAULTS, FAULTS_CSV].into_iter().zip([parquet, csv]) {
+        let path = folder.path().join(name);
+        let part = PartFile::beside(&path)?;
+        part.file().write_all(&bytes)?;
+        part.complete(&path, true)?;
+    }
+    Ok(())
 }
 
 /// Reads the results of a campaign and passes each part on; an incomplete campaign is accepted if `partial` is set.

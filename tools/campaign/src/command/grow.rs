@@ -61,7 +61,7 @@ pub(super) fn grow(arguments: &GrowArguments) -> Result<Exit, Failure> {
     let before = folder.manifest().cases;
     let cases = Cases::by_folder(study, &folder, &interruption)?;
     refuse_ineffective(&cases)?;
-    every_plan(&cases, before, &interruption)?;
+    every_plan(&cases, before, None, &interruption)?;
     let manifest = write(&folder, &cases)?;
     let more = manifest.cases - before;
     let core_s = manifest.case_s * more as f64;

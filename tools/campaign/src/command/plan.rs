@@ -3,6 +3,7 @@
 mod folder;
 mod ports;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Mutex, PoisonError};
@@ -15,6 +16,7 @@ use hil_facts::results::curve::Grid;
 use hil_run::alone;
 use hil_run::kept::Kept;
 
+use crate::manifest::FaultPlan;
 use crate::table::{Column, ColumnKind};
 use hil_config::problem::Problems;
 use hil_config::study::{Spread, Study, Varied};
@@ -35,6 +37,7 @@ struct Checked {
     cases: Cases,
     columns: Vec<Column>,
     curves: Option<Grid>,
+    faults: Option<FaultPlan>,
     facts: Facts,
 }
 
@@ -123,20 +126,26 @@ pub(super) fn plan(arguments: &PlanArguments) -> Result<Exit, Failure> {
 fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Checked, Failure> {
     let study = Study::read(&arguments.study)?;
     let cases = Cases::of_study(study, &arguments.binaries, interruption)?;
+    let faults = cases.fault_plan(interruption)?;
     let study = cases.study();
-    let first = cases.plan(0)?;
+    let impossible = faults.as_ref().map(|faults| &faults.impossible);
+    let firsts = first_cases(study, impossible);
+    let Some((first_case, _)) = firsts.first() else {
+        return Err(Failure::usage("no case of the study is possible"));
+    };
+    let first = cases.plan(*first_case)?;
     alone::refuse_clock(&first)?;
     refuse_ineffective(&cases)?;
-    let longest_s = every_plan(&cases, 0, interruption)?;
+    let longest_s = every_plan(&cases, 0, impossible, interruption)?;
     let mut processes = Kept::new(study.wait_limit_s);
     let mut result = cases.run(&first, &mut processes, interruption)?;
     if cases.keeps_processes(&first) {
         // The first run started its processes; later runs do not, and are representative.
         result = cases.run(&first, &mut processes, interruption)?;
     }
-    let columns = columns(&cases, &result, &mut processes, interruption)?;
+    let columns = columns(&cases, &result, &firsts, &mut processes, interruption)?;
     refuse_unknown_goals(study, &columns)?;
-    let curves = curves(&cases, longest_s)?;
+    let curves = curves(&cases, &firsts, longest_s)?;
     let bytes: u64 = columns.iter().map(cell_bytes).sum();
     let facts = Facts {
         study: study.name.clone(),
@@ -154,15 +163,28 @@ fn checked(arguments: &CheckArguments, interruption: &Interruption) -> Result<Ch
         cases,
         columns,
         curves,
+        faults,
         facts,
     })
 }
 
+/// Returns the first possible case of each variant that has one, with the index of the variant.
+fn first_cases(study: &Study, impossible: Option<&BTreeMap<u64, String>>) -> Vec<(u64, usize)> {
+    let variants = study.variants.len();
+    let is_possible = |case: &u64| impossible.is_none_or(|all| !all.contains_key(case));
+    (0..variants)
+        .filter_map(|variant| {
+            let mut cases = (variant as u64..study.cases()).step_by(variants);
+            Some((cases.find(is_possible)?, variant))
+        })
+        .collect()
+}
+
 /// Chooses the curves that are recorded for the report.
-fn curves(cases: &Cases, longest_s: f64) -> Result<Option<Grid>, Failure> {
+fn curves(cases: &Cases, firsts: &[(u64, usize)], longest_s: f64) -> Result<Option<Grid>, Failure> {
     let study = cases.study();
-    let first = (0..).zip(&study.variants).map(|(case, _)| {
-        let plan = cases.plan(case)?;
+    let first = firsts.iter().map(|(case, _)| {
+        let plan = cases.plan(*case)?;
         let layout = cases.record_layout(&plan)?;
         Ok((plan, layout))
     });
@@ -182,6 +204,7 @@ fn cell_bytes(column: &Column) -> u64 {
 fn columns(
     cases: &Cases,
     first: &CaseResult,
+    firsts: &[(u64, usize)],
     processes: &mut Kept,
     interruption: &Interruption,
 ) -> Result<Vec<Column>, Failure> {
@@ -197,8 +220,9 @@ fn columns(
             )));
         }
     }
-    for (case, variant) in (1..).zip(&cases.study().variants[1..]) {
-        let plan = cases.plan(case)?;
+    let variants = &cases.study().variants;
+    for (case, variant) in firsts.iter().skip(1) {
+        let (plan, variant) = (cases.plan(*case)?, &variants[*variant]);
         let variant_columns = cases.columns(&cases.run(&plan, processes, interruption)?);
         if variant_columns != columns {
             let differs = variant_columns
@@ -212,8 +236,7 @@ fn columns(
             let name = differs.map_or("", |column| &column.name);
             return Err(Failure::usage(format!(
                 "variants `{}` and `{}` differ in the result `{name}`; all variants need the same metrics and requirements",
-                variant.name,
-                cases.study().variants[0].name
+                variant.name, variants[firsts[0].1].name
             )));
         }
     }
@@ -308,11 +331,12 @@ fn refuse_unknown_goals(study: &Study, columns: &[Column]) -> Result<(), Failure
     Ok(())
 }
 
-/// Plans every case from `from` on once, on all cores, so that no case is refused later; returns the longest simulated
-/// time, in s.
+/// Plans every possible case from `from` on once, on all cores, so that no case is refused later; returns the longest
+/// simulated time, in s.
 pub(super) fn every_plan(
     cases: &Cases,
     from: u64,
+    impossible: Option<&BTreeMap<u64, String>>,
     interruption: &Interruption,
 ) -> Result<f64, Failure> {
     let all = cases.study().cases();
@@ -326,6 +350,10 @@ pub(super) fn every_plan(
             let case = next.fetch_add(1, Ordering::Relaxed);
             if case >= all {
                 break;
+            }
+            if impossible.is_some_and(|all| all.contains_key(&case)) {
+                bar.inc(1);
+                continue;
             }
             match cases.check(case) {
                 Ok(plan) => {

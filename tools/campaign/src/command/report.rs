@@ -113,7 +113,7 @@ pub(super) fn write(
 fn build(folder: &Folder) -> Result<(String, PageSummary), Failure> {
     let manifest = folder.manifest();
     let study = study(folder)?;
-    let mut gathered = Gathered::new(manifest, &study);
+    let mut gathered = Gathered::new(folder, &study);
     let mut data = data::Data::new(folder, &study);
     let collected = read(folder, true, |part| {
         gathered.take(part);

@@ -10,6 +10,7 @@ use crate::collect::Collected;
 use crate::folder::Folder;
 use shared_types::number::{counted, short, unit_shown};
 
+use super::answers::outcomes::FAULT_COLUMNS;
 use super::answers::{
     self, Answers, BoundsAnswer, Gathered, IndicesAnswer, QuantileAnswer, Share, VariantAnswer,
 };
@@ -26,7 +27,7 @@ use crate::arguments::ShowArguments;
 pub(super) fn show(arguments: &ShowArguments) -> Result<Exit, Failure> {
     let folder = open(&arguments.folder)?;
     let study = study(&folder)?;
-    let mut gathered = Gathered::new(folder.manifest(), &study);
+    let mut gathered = Gathered::new(&folder, &study);
     let collected = collect::read(&folder, false, |part| gathered.take(part))?;
     let exit = print(&folder, &collected, gathered, arguments.json)?;
     let are_whole =
@@ -118,6 +119,7 @@ fn write(text: &mut String, answers: &Answers, folder_text: &str) -> std::fmt::R
     }
     writeln!(text)?;
     classes(text, answers)?;
+    faults(text, answers)?;
     for variant in &answers.variants {
         requirements(text, variant, *sampling == "saltelli", folder_text)?;
     }
@@ -156,6 +158,27 @@ fn classes(text: &mut String, answers: &Answers) -> std::fmt::Result {
         let share = percent(variant.passes);
         let cells = [variant.name.clone()].into_iter().chain(counts);
         table.cells(cells.chain([share, bounds(variant.passes)]));
+    }
+    writeln!(text, "{table}")
+}
+
+/// Writes the table of faults by outcomes.
+fn faults(text: &mut String, answers: &Answers) -> std::fmt::Result {
+    if answers.faults.is_empty() {
+        return Ok(());
+    }
+    let mut columns = vec![left(0); FAULT_COLUMNS.len() + 1];
+    for place in [3, 7, 8] {
+        columns[place] = right(0);
+    }
+    let mut table = Table::new(2, columns);
+    table.cells(FAULT_COLUMNS.into_iter().chain(["repeated by"]));
+    for row in &answers.faults {
+        let shown = row.shown(answers.requirements());
+        table.cells(shown.into_iter().chain([row.command.clone()]));
+        if !row.reason.is_empty() {
+            table.line(format!("    {}", row.reason));
+        }
     }
     writeln!(text, "{table}")
 }

@@ -19,7 +19,7 @@ use crate::folder::{Conflict, Folder};
 use crate::manifest::ManifestError;
 use crate::shard::attempt::{Attempt, Published};
 use crate::shard::{PartError, Shard, missing};
-use crate::table::{Column, Row};
+use crate::table::{Column, LOST, NOT_POSSIBLE, Row};
 use hil_config::plan::Plan;
 use rustix::process::{Signal, getpid, kill_process};
 
@@ -209,6 +209,12 @@ impl Worker<'_> {
 
     /// Runs a case until it has a row, with its curve if one is recorded.
     fn row(&self, case: u64, attempt: &mut Attempt<'_>) -> Result<(Row, Option<Curve>), Failure> {
+        let (manifest, columns) = (self.folder.manifest(), &self.folder.manifest().columns);
+        let faults = manifest.faults.as_ref();
+        if let Some(reason) = faults.and_then(|faults| faults.impossible.get(&case)) {
+            let row = self.cases.unrun(case, columns, NOT_POSSIBLE, reason);
+            return Ok((row, None));
+        }
         let runner = Runner {
             cases: &self.cases,
             watchdog: &self.watchdog,
@@ -223,8 +229,7 @@ impl Worker<'_> {
             Ok(row) => Ok(row),
             Err(why) => {
                 tell!("case {case} is set aside: {why}");
-                let columns = &self.folder.manifest().columns;
-                Ok((self.cases.lost(case, columns, &why), None))
+                Ok((self.cases.unrun(case, columns, LOST, &why), None))
             }
         }
     }

@@ -68,7 +68,7 @@ pub(super) fn run(arguments: &RunCampaignArguments) -> Result<Exit, Failure> {
         let ran = all(&folder, jobs, &interruption, &mut progress);
         progress.end();
         ran?;
-        let mut gathered = Gathered::new(folder.manifest(), &study);
+        let mut gathered = Gathered::new(&folder, &study);
         let collected = collect::join(&folder, &study, false, |part| gathered.take(part))?;
         // Invalid results are detected only when they are read.
         if collected.missing.is_empty() {

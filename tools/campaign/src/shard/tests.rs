@@ -47,6 +47,7 @@ impl Campaign {
                 Column::new("class", ColumnKind::Text),
             ],
             curves: None,
+            faults: None,
             case_s: 0.1,
         };
         change(&mut manifest);

@@ -1,10 +1,12 @@
 //! Columns that the evaluation needs of each case, gathered while the parts of a campaign are read.
 
+use crate::folder::Folder;
 use crate::manifest::Manifest;
 use crate::shard::part::Part;
 use crate::table::{CLASS, Column, ColumnKind};
 use hil_config::study::Study;
 
+use super::outcomes::Outcomes;
 use super::{CLASSES, margin, place_of};
 
 /// Cases of one variant, by columns.
@@ -30,6 +32,8 @@ pub(in crate::command) struct Gathered<'a> {
     /// Requirements by name and unit.
     pub(super) requirements: Vec<(String, String)>,
     pub(super) variants: Vec<Cases>,
+    /// Table of faults, of a campaign that tries some.
+    pub(super) outcomes: Option<Outcomes<'a>>,
     places: Places,
 }
 
@@ -43,7 +47,8 @@ struct Places {
 
 impl<'a> Gathered<'a> {
     /// Creates the columns without any cases.
-    pub(in crate::command) fn new(manifest: &'a Manifest, study: &'a Study) -> Self {
+    pub(in crate::command) fn new(folder: &'a Folder, study: &'a Study) -> Self {
+        let manifest = folder.manifest();
         let columns = &manifest.columns;
         let is_varied = |column: &Column| {
             column.kind == ColumnKind::Number
@@ -78,6 +83,7 @@ impl<'a> Gathered<'a> {
             variants: study.variants.iter().map(|_| empty()).collect(),
             varied,
             requirements,
+            outcomes: Outcomes::new(folder, study),
             places: Places {
                 class: manifest.place(CLASS).unwrap_or_default(),
                 varied: places_varied,
@@ -88,6 +94,7 @@ impl<'a> Gathered<'a> {
 
     /// Adds the cases of a part.
     pub(in crate::command) fn take(&mut self, part: &Part) {
+        self.outcomes.iter_mut().for_each(|table| table.take(part));
         let columns = part.results();
         let Places {
             class,

@@ -3,7 +3,7 @@
 use super::super::result::CaseResult;
 use super::super::values;
 use super::Cases;
-use crate::table::{CLASS, Cell, Column, ColumnKind, LOST, Row};
+use crate::table::{CLASS, Cell, Column, ColumnKind, Row};
 
 impl Cases {
     /// Lists the columns of the table of results, given the result of a case.
@@ -32,14 +32,20 @@ impl Cases {
         row
     }
 
-    /// Builds the row of a case that was set aside.
-    pub(in crate::command) fn lost(&self, case: u64, columns: &[Column], reason: &str) -> Row {
+    /// Builds the row of a case without a result, of this class.
+    pub(in crate::command) fn unrun(
+        &self,
+        case: u64,
+        columns: &[Column],
+        class: &str,
+        reason: &str,
+    ) -> Row {
         let mut row = self.head(case);
         let rest = columns.get(row.len()..).unwrap_or_default();
         row.extend(
             rest.iter()
                 .map(|column| match (&*column.name, column.kind) {
-                    (CLASS, _) => Cell::Text(LOST.into()),
+                    (CLASS, _) => Cell::Text(class.into()),
                     ("reason", _) => Cell::Text(reason.into()),
                     (_, ColumnKind::Count) => Cell::Count(0),
                     (_, ColumnKind::Number) => Cell::number(f64::NAN),

@@ -216,6 +216,7 @@ fn copied(checked: &Checked, folder: &Path) -> Result<Manifest, Failure> {
         pair: pair.transpose()?,
         columns: checked.columns.clone(),
         curves: checked.curves.clone(),
+        faults: checked.faults.clone(),
         case_s: checked.facts.case_s,
     })
 }

@@ -38,6 +38,10 @@ pub(super) fn page(campaign: &Campaign, data: &Data) -> Result<String, Failure> 
                 @if !campaign.answers.goals.is_empty() { (tables::goals(campaign)) }
             }
             (plots(data))
+            @if !campaign.answers.faults.is_empty() { section {
+                h2 { "Faults and their outcomes" }
+                (tables::faults(campaign))
+            } }
             section #requirements {
                 h2 { "Requirements" }
                 (tables::requirements(campaign, data.command()))

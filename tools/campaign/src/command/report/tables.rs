@@ -4,6 +4,7 @@ use maud::{Markup, html};
 use shared_types::number::{counted, short, unit_shown};
 
 use super::Campaign;
+use crate::command::answers::outcomes::FAULT_COLUMNS;
 use crate::command::answers::{
     Answers, RequirementAnswer, Share, VariantAnswer, classes_in_words, shown_classes,
 };
@@ -157,6 +158,31 @@ fn requirement(
             None => "-",
         } }
     } }
+}
+
+/// Renders the table of faults by outcomes.
+pub(super) fn faults(campaign: &Campaign) -> Markup {
+    let answers = campaign.answers;
+    html! {
+        div.scroll tabindex="0" { table #faults {
+            thead { tr {
+                @for head in FAULT_COLUMNS { th { (head) } }
+                th { "repeated by" }
+            } }
+            tbody { @for row in &answers.faults { tr {
+                @for (place, cell) in row.shown(answers.requirements()).into_iter().enumerate() {
+                    @if place == 5 { td { (badge(&row.outcome, &cell)) @if !row.reason.is_empty() { br; span.hint { (row.reason) } } } }
+                    @else { td title=(row.targets.join(", ")) { (cell) } }
+                }
+                td { @if !row.command.is_empty() { code.command { (row.command) } } }
+            } } }
+        } }
+        p.hint {
+            "The worst margin is the least one among the requirements with the worst verdict. "
+            "Detected: from the onset to the alarm. Recovered: from the onset to the step from which the study's condition holds until the end. "
+            "Faults that the study does not try are rows, too."
+        }
+    }
 }
 
 fn quantile_name(p: f64) -> String {
