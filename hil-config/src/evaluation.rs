@@ -151,6 +151,12 @@ impl Evaluation {
         &self.row[self.signals..]
     }
 
+    /// Returns the last row with the derived signals behind it; NaN for missing values.
+    #[must_use]
+    pub fn row(&self) -> &[f64] {
+        &self.row
+    }
+
     /// Returns every metric over every window, then the figures of every analysis, in the plan's order, for the rows so
     /// far.
     #[must_use]

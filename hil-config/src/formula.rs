@@ -257,7 +257,7 @@ impl Formula {
     ///
     /// # Errors
     /// The first sum or comparison of values of different known units.
-    pub(crate) fn unit(&self, columns: &Columns) -> Result<Option<String>, ExpressionError> {
+    pub fn unit(&self, columns: &Columns) -> Result<Option<String>, ExpressionError> {
         let mut units = Vec::new();
         for node in &self.nodes {
             if let Node::Comparison(comparison) = node {

@@ -21,6 +21,7 @@ mod build;
 mod context;
 mod draft;
 mod due;
+mod every_step;
 mod margin;
 mod part;
 mod window;
@@ -33,6 +34,7 @@ use crate::formula::Formula;
 use build::Built;
 pub use context::FormulaContext;
 use due::{Due, Span};
+pub use every_step::EveryStep;
 use margin::Margin;
 use part::Part;
 
@@ -116,15 +118,23 @@ impl Monitors {
         let mut built = Built::default();
         let formulas: Vec<&Formula> = formulas.into_iter().collect();
         for formula in &formulas {
-            built.add(formula, None, context)?;
+            built.add(formula, None, context, true)?;
         }
         let mut implications = Vec::new();
         for (number, formula) in formulas.iter().enumerate() {
             for (implication, premise) in formula.implications() {
-                built.add(formula, Some(implication), context)?;
+                built.add(formula, Some(implication), context, true)?;
                 implications.push((number, premise.to_owned()));
             }
         }
+        Ok(Self {
+            implications,
+            ..Self::of(built)
+        })
+    }
+
+    /// Prepares built formulas for the first row.
+    fn of(built: Built) -> Self {
         let (parts, spans, places) = draft::parts(&built.drafts);
         let judgements = built.wholes.iter().map(|whole| Judgement {
             whole: places[*whole],
@@ -132,18 +142,18 @@ impl Monitors {
             judged: None,
         });
         let judgements: Vec<Judgement> = judgements.collect();
-        Ok(Self {
+        Self {
             margins: parts.iter().map(Part::first_margin).collect(),
             certain: vec![None; parts.len()],
             deciding: deciding(&parts, &judgements),
             judgements,
-            implications,
+            implications: Vec::new(),
             due: Due::new(parts.len(), &spans),
             spans,
             rows: 0,
             sides: built.sides,
             parts,
-        })
+        }
     }
 
     /// Processes the row of a step. Steps must be consecutive from 0; a lost row is all NaN.

@@ -69,7 +69,7 @@ class Evaluate(unittest.TestCase):
             hil.evaluate(SPRING, [{P: 1e4}], workers=0)
 
     def test_ctrl_c_ends_an_evaluation(self):
-        long = {"run.duration_s": 1e5, "metrics": [], "requirements": [], "derived": [], "analyses": []}
+        long = {"run.duration_s": 1e5, "metrics": [], "requirements": [], "derived": []}
         threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
         with self.assertRaises(KeyboardInterrupt):
             hil.evaluate(SPRING, [{P: 1e4 + place} for place in range(8)], set=long)

@@ -39,8 +39,8 @@ class RandomSessions(unittest.TestCase):
         generator = random.Random(seed)
         name, duration_s, size = SCENARIOS[seed % len(SCENARIOS)]
         path = CLONE / "scenarios" / f"{name}.toml"
-        values = {"run.duration_s": duration_s, "run.seed": seed, "metrics": [], "requirements": [], "analyses": []}
-        with hil.Session(path, set=values) as session:
+        values = {"run.duration_s": duration_s, "run.seed": seed, "metrics": [], "requirements": []}
+        with hil.Session(path, set={**values, "faults": []}) as session:
             possible = json.loads(session._native.request('{"request": "possible"}'))
         while True:
             faults = [event(generator, possible, size, duration_s) for _ in range(generator.randint(1, 4))]

@@ -28,6 +28,7 @@ PROGRAM = os.environ.get("HIL_BIN")
 SPRING = CLONE / "scenarios" / "spring-mass.toml"
 BREAKS = CLONE / "scenarios" / "spring-breaks.toml"
 LEAKAGE = CLONE / "scenarios" / "severe-leakage.toml"
+EXAMPLE = CLONE / "examples" / "python-plant"
 
 
 @unittest.skipUnless(PROGRAM, "HIL_BIN is not set")
@@ -78,7 +79,7 @@ class Sessions(unittest.TestCase):
             self.assertEqual((session.step_index, session.time_s, session.rate_hz, session.steps), (3001, 3.001, 1000, 5000))
 
     def test_values_of_the_scenario_are_set_as_by_the_command_line(self):
-        values = {"controller.law": "hold", "run.seed": 9, "run.duration_s": 0.5}
+        values = {"controller.law": "hold", "run.seed": 9}
         with hil.Session(SPRING, set=values) as session:
             session.step_to(math.inf)
             run = hil.run(SPRING, set=values, link="in-process")
@@ -175,7 +176,7 @@ class Sessions(unittest.TestCase):
             session.inject("bias", "measured.position_m", 1e-3)
             session.step(700)
             session.reset()
-            self.assertEqual((session.step_index, session.digest, session.faults[1:]), (0, None, []))
+            self.assertEqual((session.step_index, session.digest, len(session.faults)), (0, None, 2))
             session.step_to()
             self.assertEqual(session.digest, run.digest)
             session.reset(seed=7)
@@ -190,10 +191,153 @@ class Sessions(unittest.TestCase):
             with self.assertRaises(TypeError):
                 pickle.dumps(before)
 
+    # Other sides.
+
+    def test_classes_in_this_process_have_the_digest_of_the_plant_and_law_that_ship(self):
+        sys.path.insert(0, str(EXAMPLE))
+        self.addCleanup(sys.path.remove, str(EXAMPLE))
+        import spring_mass
+
+        path = EXAMPLE / "spring-mass.toml"
+        with hil.Session(SPRING) as expected, hil.Session(path, plant=spring_mass.SpringMass, law=spring_mass.Pid) as session:
+            for one in (expected, session):
+                one.step(700)
+                one.inject("bias", "measured.position_m", 1e-3)
+                saved = one.save()
+                one.step(100)
+                one.restore(saved)
+                one.step_to()
+            self.assertEqual(session.digest, expected.digest)
+            self.assertEqual(hil.run(SPRING, link="in-process").digest, hil.run(path, record=False).digest)
+        with hil.Session(SPRING, law=spring_mass.Pid) as session:
+            session.step_to()
+            self.assertEqual(session.digest, hil.run(SPRING, link="in-process").digest)
+        with self.assertRaisesRegex(hil.UsageError, "the law `pid` is given, but controller.law is `hold`"):
+            hil.Session(SPRING, set={"controller.law": "hold"}, law=spring_mass.Pid)
+        with self.assertRaisesRegex(hil.Error, "plant"):
+            hil.Session(SPRING, law=spring_mass.SpringMass)
+        with self.assertRaises(hil.Error):
+            hil.Session(SPRING, law=dict)
+
+    def test_an_exception_of_a_class_is_the_cause_of_the_failure(self):
+        sys.path.insert(0, str(EXAMPLE))
+        self.addCleanup(sys.path.remove, str(EXAMPLE))
+        import spring_mass
+
+        tables = {name: getattr(spring_mass, name.capitalize()) for name in ("parameters", "truth", "command")}
+        plant = hil.plant(**tables, measured=spring_mass.Motion, state=spring_mass.Motion, name="spring-mass")
+
+        @plant
+        class Broken(spring_mass.SpringMass):
+            """A mass whose spring is missing."""
+
+            def advance(self, interval, command):
+                if interval.start_s >= 0.01:
+                    raise error
+                super().advance(interval, command)
+
+        for error, raised in [(ValueError("no spring"), hil.InfrastructureError), (KeyboardInterrupt(), KeyboardInterrupt)]:
+            with hil.Session(SPRING, plant=Broken) as session:
+                with self.assertRaises(raised) as caught:
+                    session.step_to()
+                self.assertEqual((session.step_index, session.is_over), (10, True))
+                if raised is hil.InfrastructureError:
+                    self.assertIn("no spring", str(caught.exception))
+                    self.assertIs(caught.exception.__cause__, error)
+
+        @plant
+        class Selfish(spring_mass.SpringMass):
+            """A mass that steps its own session."""
+
+            def advance(self, interval, command):
+                own[0].step()
+
+        own = [None]
+        with hil.Session(SPRING, plant=Selfish) as own[0]:
+            with self.assertRaisesRegex(hil.InfrastructureError, "in use"):
+                own[0].step()
+
+    def test_a_scenario_with_a_program_is_stepped_in_processes(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        values = {"plant.program": plant}
+        with hil.Session(SPRING) as expected, hil.Session(SPRING, set=values) as session:
+            folder = session._native._folder
+            for one in (expected, session):
+                with self.assertRaisesRegex(hil.SessionError, "no value before the first step"):
+                    one["truth.position_m"]
+                one.step()
+                one.step(99)
+                one.inject("bias", "measured.position_m", 1e-3)
+                one.set("reference.position_m", 0.02, ramp=0.1)
+                one.step_to(1.2345)
+                one.clear()
+                self.assertEqual((one.step_index, one.is_over, one.rate_hz), (1235, False, 1000))
+            names = ["truth.position_m", "command.force_n", "sensed.position_m", "reference.position_m"]
+            self.assertEqual([session[name] for name in names], [expected[name] for name in names])
+            self.assertEqual(session.observe(names).read().tolist(), expected.observe(names).read().tolist())
+            self.assertEqual(dict(session.signals), dict(expected.signals))
+            for refused in (session.save, session.reset, lambda: session.digest, session.scenario, session.result):
+                with self.assertRaises(hil.SessionError):
+                    refused()
+            with self.assertRaisesRegex(hil.UsageError, "(?s)positon_m.*nearest"):
+                session.set("reference.positon_m", 1)
+            with self.assertRaises(hil.UnknownSignal):
+                session["truth.positon_m"]
+            for one in (expected, session):
+                one.step_to()
+                self.assertTrue(one.is_over)
+            self.assertEqual(session.digest, expected.digest)
+            self.assertEqual(session.result()._replace(time_s=5.0), expected.result())
+            pathlib.Path("repeats.toml").write_text(session.scenario())
+            self.assertEqual(hil.run("repeats.toml", record=False).digest, expected.digest)
+        self.assertFalse(os.path.exists(folder))
+
+    def test_ctrl_c_holds_a_session_in_processes(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        values = {"run.duration_s": 1e5, "metrics": [], "requirements": [], "derived": [], "plant.program": plant}
+        with hil.Session(SPRING, set=values) as session:
+            for end_s in (9e4, math.inf):
+                before = session.step_index
+                threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT)).start()
+                with self.assertRaises(KeyboardInterrupt):
+                    session.step_to(end_s)
+                step = session.step_index
+                self.assertGreater(step, before)
+                session.step(5)
+                self.assertEqual((session.step_index, session.is_over), (step + 5, False))
+
+    def test_nothing_is_left_by_a_session_in_processes(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        names = []
+        with self.assertRaises(ZeroDivisionError), hil.Session(SPRING, set={"plant.program": plant}) as session:
+            names.append(session._native._name)
+            session.step(1 // 0)
+        # Killed, so that nothing of Python runs any more.
+        script = (
+            "import hil, os, sys\n"
+            f"session = hil.Session({str(SPRING)!r}, set={{'plant.program': {str(plant)!r}}})\n"
+            "session.step(10)\n"
+            "print(session._native._name, flush=True)\n"
+            "os.kill(os.getpid(), 9)\n"
+        )
+        environment = {**os.environ, "PYTHONPATH": str(CLONE / "tools" / "python")}
+        killed = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
+        self.assertEqual(killed.returncode, -signal.SIGKILL, killed.stderr)
+        names += killed.stdout.split()
+        self.assertEqual(len(names), 2)
+        program, deadline = os.environ["HIL_BIN"], time.monotonic() + 60
+        while True:
+            listing = subprocess.run([program, "sessions", "--json"], capture_output=True, text=True, check=True).stdout
+            if not any(name in listing for name in names):
+                break
+            self.assertLess(time.monotonic(), deadline, listing)
+            time.sleep(0.05)
+
     # Bad use.
 
     def test_a_session_that_is_over_or_closed_says_so(self):
-        with hil.Session(SPRING, set={"run.duration_s": 0.01, "metrics": [], "requirements": []}) as session:
+        values = {"run.duration_s": 0.01, "stimuli[0].at_s": 0, "metrics": [], "requirements": []}
+        with hil.Session(SPRING, set=values) as session:
             with self.assertRaisesRegex(hil.SessionError, "no simulated time"):
                 session.step_to(math.nan)
             session.step(1000)
@@ -277,7 +421,7 @@ class Sessions(unittest.TestCase):
             self.assertEqual(session.digest, hil.run(BREAKS, link="in-process").digest)
 
     def test_ctrl_c_in_a_step_is_that_of_python_and_the_session_goes_on(self):
-        values = {"run.duration_s": 1e6, "metrics": [], "requirements": [], "derived": [], "analyses": []}
+        values = {"run.duration_s": 1e6, "metrics": [], "requirements": [], "derived": []}
         with hil.Session(SPRING, set=values) as session:
             before = signal.getsignal(signal.SIGINT)
             threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()

@@ -219,6 +219,7 @@ fn a_port_file_is_described_with_its_signals_and_frames() {
         "counter of 4 bits, steps up to 2",
         "crc-8/sae-j1850 of bytes 0 to 7",
         "frame drive: command, on can, id 0x201 (extended), 4 bytes, every 0.01 s, 100 Hz, stale after 0.05 s",
+        "safe values: none, so that the port can be a controller only",
     ]);
     let json = rig.hil(&["describe", "--json", file]).expect(0);
     let described: Value = serde_json::from_str(&json.stdout).expect("JSON");
@@ -228,6 +229,17 @@ fn a_port_file_is_described_with_its_signals_and_frames() {
     // A hundredth of a degree.
     let resolution = angle["resolution"].as_f64().expect("a number");
     assert!((resolution - 0.01 * std::f64::consts::PI / 180.0).abs() < 1e-18);
+
+    let plant = workspace().join("examples/ports/rig.port.toml");
+    let plant = plant.to_str().expect("text");
+    rig.hil(&["describe", plant]).expect(0).prints(&[
+        "safe values: sent 5 times, 0.02 s apart, by the keeper when the port ends",
+        "command.force_n  0 N",
+        "watchdog: none",
+    ]);
+    let json = rig.hil(&["describe", "--json", plant]).expect(0).json();
+    let safe = json!([{"signal": "command.force_n", "unit": "N", "value": 0.0}]);
+    assert_eq!(json["port"]["safety"]["values"], safe);
 
     let wrong = shipped("examples/ports/flight.port.toml").replace("u20", "u21");
     let wrong = rig.write("wrong.port.toml", &wrong.replace("deg/s", "degs"));

@@ -4,13 +4,16 @@
 //! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. All other clients use a bare socket.
 
 mod browser;
+mod closer;
 mod intruders;
 mod log;
 mod page;
+mod recorded;
 mod stream;
 
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader, Read};
+use std::path::Path;
 use std::process::{Child, ChildStderr, ChildStdout, Command, Stdio};
 
 use rustix::process::Signal;
@@ -35,6 +38,14 @@ impl Panel {
         let mut hil = rig.command(program("hil"));
         hil.arg("panel")
             .args(["--session", rig.session(), "--json", "--no-open"]);
+        hil.args(arguments);
+        Self::of(hil)
+    }
+
+    /// Starts the panel of a recorded run.
+    fn recorded(rig: &Rig, run: &Path, arguments: &[&str]) -> Self {
+        let mut hil = rig.command(program("hil"));
+        hil.arg("panel").arg(run).args(["--json", "--no-open"]);
         hil.args(arguments);
         Self::of(hil)
     }

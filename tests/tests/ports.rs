@@ -3,6 +3,7 @@
 mod campaigns;
 mod can;
 mod first_sample;
+mod senders;
 mod serial;
 
 use std::net::UdpSocket;

@@ -1,6 +1,7 @@
 //! A rig behind a port as the plant of a run: an independent peer with a spring and a mass in real time, a controller of
 //! ours, requirements on measured signals, and the safe values after every kind of end.
 
+mod can;
 mod kills;
 mod media;
 mod peer;
@@ -200,4 +201,29 @@ fn a_port_without_a_safe_value_for_each_command_is_refused_as_a_plant() {
     rig.write("rig.port.toml", &port);
     let run = rig.hil(&["run", &scenario(&rig, 1.0, "")]);
     run.expect(2).says(&["command.force_n", "safe"]);
+}
+
+#[test]
+fn the_port_sends_the_safe_values_if_the_keeper_hangs_at_an_orderly_end() {
+    let (rig, peer) = (Rig::new(), Peer::start());
+    write_port(&rig, &peer.medium, "");
+    let path = scenario(&rig, 3.0, "");
+    let out = rig.path("out");
+    let session = ["--session", rig.session(), "--out", text(&out)];
+    let line = ["run", &path, "--wait-limit", "60"];
+    let running = rig.start_hil(&[&line[..], &session].concat());
+    peer.until_commanded();
+    send(process_with(&rig, "keeper"), Signal::STOP);
+    running.finish().expect(0);
+    peer.until_safe();
+    without_processes(&rig);
+    let log = std::fs::read_to_string(out.join("plant.log")).expect("a log");
+    for part in [
+        "the keeper has not ended within ",
+        " s, for safe values of 0.080 s; it was killed",
+        "the port has sent the safe values itself, and a watchdog stays armed",
+    ] {
+        assert!(log.contains(part), "{part}: {log}");
+    }
+    rig.assert_nothing_left();
 }

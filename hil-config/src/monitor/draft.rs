@@ -51,10 +51,10 @@ pub(super) enum WindowKind {
 }
 
 /// Computes, for each part of one formula, the steps whose margin is needed; `begin` is the first part, the last is the
-/// whole.
-pub(super) fn want(drafts: &mut [Draft], begin: usize) {
+/// whole, whose margin is needed at `steps`.
+pub(super) fn want(drafts: &mut [Draft], begin: usize, steps: (u64, u64)) {
     let whole = drafts.len() - 1;
-    drafts[whole].want((0, 0));
+    drafts[whole].want(steps);
     for at in (begin..=whole).rev() {
         let Some(span) = drafts[at].needed_steps else {
             continue;

@@ -54,8 +54,15 @@ pub struct MediumCounts {
     pub name: String,
     /// Frames that are none of the port's.
     pub foreign: u64,
-    /// Frames from a sender other than the peer.
+    /// Frames from a sender other than the peer; on a stream, its connections.
     pub strangers: u64,
+    /// Address, path or process of the first such sender.
+    #[serde(
+        default,
+        skip_serializing_if = "Option::is_none",
+        deserialize_with = "text::line_if_any"
+    )]
+    pub first_stranger: Option<String>,
     /// Times that another sender took the place of the peer.
     pub new_peers: u64,
     /// Bytes that belong to no frame.
@@ -71,6 +78,9 @@ pub struct MediumCounts {
     /// Reads that failed, of a file.
     #[serde(default)]
     pub unreadable: u64,
+    /// Frames that the kernel dropped because its buffer was full.
+    #[serde(default)]
+    pub dropped: u64,
 }
 
 impl Counts {
@@ -97,15 +107,20 @@ impl Counts {
             (format!("frame {}", one.name), list(&counts))
         });
         let media = self.media.iter().map(|one| {
+            let of_others = match &one.first_stranger {
+                Some(first) => format!("frames of other senders (the first is {first})"),
+                None => "frames of other senders".into(),
+            };
             let counts = [
                 (one.foreign, "foreign frames"),
-                (one.strangers, "frames of other senders"),
+                (one.strangers, &*of_others),
                 (one.new_peers, "new peers"),
                 (one.skipped_bytes, "bytes of no frame"),
                 (one.unsent, "attempts to send that reached nobody"),
                 (one.error_frames, "error frames"),
                 (one.remote_requests, "remote requests"),
                 (one.unreadable, "reads that failed"),
+                (one.dropped, "dropped by the kernel"),
             ];
             (format!("medium {}", one.name), list(&counts))
         });

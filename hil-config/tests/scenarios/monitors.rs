@@ -8,7 +8,7 @@ mod vacuous;
 
 use hil_config::expression::{Columns, Group};
 use hil_config::formula::Formula;
-use hil_config::monitor::{FormulaContext, Monitors, Verdict};
+use hil_config::monitor::{EveryStep, FormulaContext, Monitors, Verdict};
 use shared_types::time::{Rate, Step};
 
 use definitions::{Draws, Tree, random_trace};
@@ -108,6 +108,44 @@ fn ten_thousand_random_formulas_are_evaluated_as_defined() {
     assert!(narrowed > 5_000, "{narrowed} bounds before the end");
     assert!(without_value > 200, "{without_value} hang on NaN");
     assert!(too_long > 100, "{too_long} do not fit their run");
+}
+
+#[test]
+fn a_formula_is_evaluated_at_every_step_as_defined() {
+    let mut draws = Draws(2029);
+    let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
+    let (mut judged, mut held, mut delayed) = (0, 0, 0);
+    while judged < 5_000 {
+        let depth = 1 + draws.below(4);
+        let tree = Tree::random(&mut draws, depth, false);
+        let trace = random_trace(&mut draws);
+        let (text, end) = (tree.text(), trace.end());
+        if tree.is_too_long(end as i64) {
+            continue;
+        }
+        let formula = Formula::parse(&text).expect(&text);
+        let context = FormulaContext::new(&columns, &[], rate, end);
+        let mut every_step = EveryStep::new(&formula, &context).expect(&text);
+        let rows = (0..).zip(&trace.rows);
+        let decided: Vec<(Step, bool)> = rows
+            .filter_map(|(step, row)| every_step.observe(Step(step), row))
+            .collect();
+        let until = tree.until(end as i64) as u64;
+        let expected = (0..=until).map(|step| (Step(step), tree.is_true(step, true, &trace)));
+        let expected: Vec<(Step, bool)> = expected.collect();
+        assert_eq!(decided, expected, "{text}: {:?}", trace.rows);
+        judged += expected.len();
+        held += expected.iter().filter(|(_, holds)| *holds).count();
+        delayed += usize::from(until < end);
+    }
+    assert!((1_000..4_000).contains(&held), "{held} of {judged} hold");
+    assert!(delayed > 20, "{delayed} formulas look ahead");
+
+    // What extends to the end of the run has no value at each step of it.
+    let formula = Formula::parse("always(truth.a < 1)").expect("a formula");
+    let context = FormulaContext::new(&columns, &[], rate, 100);
+    let error = EveryStep::new(&formula, &context).expect_err("no bounds");
+    assert!(error.to_string().contains("give it bounds"), "{error}");
 }
 
 #[test]

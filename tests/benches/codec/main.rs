@@ -1,8 +1,11 @@
 //! Bench `codec`: what does a frame of a port cost?
 //!
 //! `cargo bench -p tests --bench codec` prints the time to pack and unpack a frame of 22 signals with a counter and a
-//! checksum, as raw numbers, as bit fields of both byte orders, and as a line of JSON. There is no limit on any number.
+//! checksum, as raw numbers, as bit fields of both byte orders, and as a line of JSON, and that of a step of a bus in
+//! simulation on two networks over one. There is no limit on any number.
 //! `HIL_BENCH_QUICK=1` only tries whether it works.
+
+mod networks;
 
 use std::hint::black_box;
 use std::path::Path;
@@ -13,7 +16,10 @@ use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
 use hil_codec::row::Row;
 use hil_config::port::{Carries, Port};
+use serde_json::json;
 use shared_types::quality::SignalSet;
+
+use self::networks::Networks;
 
 /// Number of signals in each frame.
 const SIGNALS: usize = 22;
@@ -57,6 +63,21 @@ fn main() -> ExitCode {
         let bytes = bound(text).0.longest();
         println!("{name:36} {bytes:6} {pack_ns:7.0} ns {unpack_ns:7.0} ns");
     }
+    let [mut one, mut two] = [1, 2].map(Networks::new);
+    let mut best = [f64::INFINITY; 2];
+    for _ in 0..TURNS {
+        for (least, networks) in best.iter_mut().zip([&mut one, &mut two]) {
+            let time = networks.step_ns(rounds);
+            *least = if time < *least { time } else { *least };
+        }
+    }
+    let [one_ns, two_ns] = best;
+    let ratio = two_ns / one_ns;
+    println!(
+        "\na step of a bus: {one_ns:.0} ns on one network, {two_ns:.0} ns on two, ratio {ratio:.2}"
+    );
+    let networks = json!([{ "networks": "A and B", "step_ns": two_ns, "alone_ns": one_ns, "to_alone": ratio }]);
+    println!("{}", json!({ "bench": "codec", "networks": networks }));
     ExitCode::SUCCESS
 }
 

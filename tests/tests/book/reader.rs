@@ -34,7 +34,15 @@ pub(super) struct Desk {
 
 /// Modules that Python blocks may import to be executed: those in the clone, and those that other tests need as
 /// well.
-const MODULES: [&str; 6] = ["hil", "json", "mcap", "numpy", "pandas", "pyarrow"];
+const MODULES: [&str; 7] = [
+    "hil",
+    "json",
+    "gymnasium",
+    "mcap",
+    "numpy",
+    "pandas",
+    "pyarrow",
+];
 
 const HIL: &str = r#"#!/usr/bin/env bash
 # Names the session of the page for a command that would look for the only one.
@@ -201,7 +209,7 @@ impl Desk {
                 let reads = if runs { "-" } else { "-m ast" };
                 text += &format!("echo {line} >\"$NOTES/line\"\nexec 2>\"$NOTES/{line}.err\"\n");
                 text += &format!(
-                    "PYTHONPATH=tools/python '{}' {reads} <<'_END_' >\"$NOTES/{line}.out\"\n{}_END_\n",
+                    "HIL_BIN=\"$PROGRAMS/hil\" PYTHONPATH=tools/python '{}' {reads} <<'_END_' >\"$NOTES/{line}.out\"\n{}_END_\n",
                     python.display(),
                     block.text
                 );

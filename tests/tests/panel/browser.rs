@@ -24,7 +24,17 @@ pub(super) struct Play {
 }
 
 impl Play {
+    /// Plays a script on the page of a session; `None` without a browser.
     pub(super) fn start(name: &str, url: &str) -> Option<Self> {
+        Self::of("panel_page.py", name, url)
+    }
+
+    /// Plays a script that looks closer at a run.
+    pub(super) fn closer(name: &str, url: &str) -> Option<Self> {
+        Self::of("panel_closer.py", name, url)
+    }
+
+    fn of(file: &str, name: &str, url: &str) -> Option<Self> {
         let Some((python, chromium)) = python("playwright.sync_api").zip(chromium()) else {
             skip(
                 "python3 with playwright, or chromium, is missing",
@@ -33,7 +43,7 @@ impl Play {
             return None;
         };
         let mut play = Command::new(python);
-        play.arg(workspace().join("tests/hosts/panel_page.py"));
+        play.arg(workspace().join("tests/hosts").join(file));
         play.args([name, url, chromium])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped());
@@ -98,7 +108,7 @@ impl<'r> Played<'r> {
 }
 
 /// Fails unless every curve of every visible plot has ink.
-fn assert_drawn(ink: &Value) {
+pub(super) fn assert_drawn(ink: &Value) {
     let plots = ink.as_array().expect("plots");
     assert!(!plots.is_empty());
     for curves in plots {

@@ -225,4 +225,14 @@ fn an_interpreter_that_cannot_be_used_is_named() {
     let run = run.expect(2);
     let expected = "HIL_PYTHON is not set, and there is no python3 in PATH (/nowhere)";
     assert!(run.stderr.contains(expected), "{}", run.stderr);
+    // No interpreter at all.
+    let run = describe(&|hil| {
+        hil.env("HIL_PYTHON", "/bin/true");
+    });
+    let run = run.expect(2);
+    assert!(
+        run.stderr.contains("it ended without a description"),
+        "{}",
+        run.stderr
+    );
 }

@@ -4,11 +4,11 @@
 use rustix::process::Signal;
 
 use super::kills::{endless, without_processes};
-use super::peer::{Peer, scenario, write_port};
+use super::peer::{Peer, Received, scenario, write_port};
 use super::{REQUIREMENTS, run};
 use crate::support::harness::{Rig, names, send};
 
-fn is_controlled_and_gets_the_safe_value(start: impl Fn(&Rig) -> Peer) {
+pub(super) fn is_controlled_and_gets_the_safe_value(start: impl Fn(&Rig) -> Peer) {
     let rig = Rig::new();
     let peer = start(&rig);
     write_port(&rig, &peer.medium, "");
@@ -19,12 +19,19 @@ fn is_controlled_and_gets_the_safe_value(start: impl Fn(&Rig) -> Peer) {
     let [state, drive] = [0, 1].map(|frame| &summary["plant_port"]["frames"][frame]);
     assert!(state["accepted"].as_u64() > Some(100), "{summary}");
     assert_eq!(state["refused"], 0, "{summary}");
-    assert!(drive["sent"].as_u64() >= Some(200), "{summary}");
+    // A peer that gets no processor for 100 ms has a full queue: Linux gives a socket of datagrams ten places.
+    let unsent = &summary["plant_port"]["media"][0]["unsent"];
+    let [sent, unsent] = [&drive["sent"], unsent].map(|count| count.as_u64().expect("a count"));
+    assert!(sent + unsent >= 200, "{summary}");
     let received = peer.received();
-    let counts = received
-        .windows(2)
-        .all(|pair| pair[1].counter == pair[0].counter.wrapping_add(1));
-    assert!(counts, "{received:?}");
+    let gap = |pair: &[Received]| {
+        pair[1]
+            .counter
+            .wrapping_sub(pair[0].counter)
+            .wrapping_sub(1)
+    };
+    let gaps: u64 = received.windows(2).map(|pair| u64::from(gap(pair))).sum();
+    assert!(gaps <= unsent, "{received:?}");
     drop(peer);
     drop(rig);
 

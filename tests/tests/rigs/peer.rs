@@ -15,6 +15,7 @@ use rustix::fs::{OFlags, fcntl_getfl, fcntl_setfl};
 use rustix::pty::ptsname;
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
+use super::can::{self, CanLine};
 use crate::pseudo_terminal::open_terminal;
 use crate::support::harness::{Rig, text, until};
 
@@ -25,7 +26,7 @@ pub(super) const REPEATS: usize = 5;
 /// First byte of every frame.
 pub(super) const SYNC: u8 = 0xA5;
 /// Bytes of a command: first byte, counter and force.
-const COMMAND: usize = 10;
+pub(super) const COMMAND: usize = 10;
 
 /// Command on the wire.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +40,7 @@ pub(super) struct Received {
 pub(super) enum Line {
     Udp(UdpSocket, String),
     Tcp(TcpListener, Option<TcpStream>),
+    Can(CanLine),
     Unix(PathBuf, Option<UnixStream>),
     /// Socket with a path, and that of the port once it has sent something.
     Datagrams(UnixDatagram, Option<PathBuf>),
@@ -73,6 +75,7 @@ impl Line {
                 *port = from.as_pathname().map(Path::to_owned);
                 count
             }),
+            Self::Can(line) => line.read(buffer),
             Self::Serial { holder, .. } => holder.read(buffer),
         };
         // A refused connection or a closed line is nothing to end for.
@@ -87,6 +90,7 @@ impl Line {
             Self::Datagrams(socket, port) => port
                 .as_ref()
                 .map_or(Ok(()), |port| socket.send_to(bytes, port).map(|_| ())),
+            Self::Can(line) => line.write(bytes),
             Self::Serial { holder, .. } => holder.write_all(bytes),
         };
     }
@@ -126,6 +130,11 @@ impl Peer {
         let own = listener.local_addr().expect("an address");
         let medium = format!("kind = \"tcp\"\nconnect = \"{own}\"");
         Self::on(Line::Tcp(listener, None), medium)
+    }
+
+    /// Starts a rig on CAN.
+    pub(super) fn on_can(line: CanLine, medium: String) -> Self {
+        Self::on(Line::Can(line), medium)
     }
 
     /// Starts a rig behind a socket that the port makes.
@@ -259,6 +268,7 @@ fn swing(line: &mut Line, ends: &AtomicBool, is_silent: &AtomicBool, list: &Mute
 
 /// Writes the port file of a rig, with more keys at its beginning.
 pub(super) fn write_port(rig: &Rig, medium: &str, more: &str) {
+    let [of_state, of_drive] = can::keys(medium);
     let port_file = format!(
         r#"port = 1
 name = "spring-mass"
@@ -271,7 +281,7 @@ name = "spring-mass"
 name = "state"
 carries = "sample"
 stale_s = 0.5
-fields = [
+{of_state}fields = [
     {{ kind = "constant", type = "u8", value = {SYNC} }},
     {{ kind = "counter", type = "u8", max_jump = 250 }},
     {{ signal = "measured.position_m", type = "f64" }},
@@ -281,7 +291,7 @@ fields = [
 [[frames]]
 name = "drive"
 carries = "command"
-fields = [
+{of_drive}fields = [
     {{ kind = "constant", type = "u8", value = {SYNC} }},
     {{ kind = "counter", type = "u8" }},
     {{ signal = "command.force_n", type = "f64", safe = {SAFE_N} }},

@@ -1,7 +1,5 @@
 //! Searches by other programs, which run the same scenario with `hil` and find nothing worse and nothing nearer.
 
-use std::process::Command;
-
 use crate::support::harness::{Rig, text};
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
@@ -21,7 +19,9 @@ fn judged_by(judge: &str, modules: &str) {
         rig.write(&format!("{kind}.json"), &answer)
     };
     let answers = [answer("smallest", 0), answer("worst", 1)];
-    let mut command = Command::new(python);
+    let mut command = rig.command(python);
+    // The runs of the script are written below its folder.
+    command.current_dir(rig.path(""));
     command.arg(workspace().join("tests/python/judge_search.py"));
     command.arg(judge).arg(program("hil"));
     command.arg(rig.path("scenario.toml"));

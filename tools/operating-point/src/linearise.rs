@@ -156,6 +156,9 @@ pub(crate) fn refuse_unnamed(
             Some(ModelKind::Port) => {
                 "is behind a port: hardware, or a program of others, whose state is not known here"
             }
+            Some(ModelKind::Python) => {
+                "does not name the numbers of its state, which `state=` of its decorator does"
+            }
             None => {
                 "does not name the numbers of its state, which `StateOf::named` does, and `state` in C"
             }

@@ -5,7 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
 use controller_process::controller::{Answer, Law, LawKind, Row, SetupRows};
-use hil_config::port::counts::{Counts, MediumCounts};
+use hil_config::port::counts::Counts;
 use hil_config::port::{Carries, Exchange, Port};
 use hil_session::supervision::Supervision;
 use shared_types::describe::{Invalid, LawDescription};
@@ -153,7 +153,7 @@ impl PortLaw {
                 None => Ok(()),
             };
         }
-        let begin = Instant::now();
+        let (begin, before) = (Instant::now(), wire.traffic());
         let limit = match step {
             0 => self.limit.saturating_sub(self.readiness),
             _ => self.limit,
@@ -161,7 +161,8 @@ impl PortLaw {
         let until = begin + limit;
         let (mut tried, mut resent, mut is_resent) = (begin, begin, false);
         loop {
-            wire.receive().map_err(|error| in_words(&error))?;
+            wire.receive_answers(step)
+                .map_err(|error| in_words(&error))?;
             let Some(frame) = wire.awaited(step) else {
                 break;
             };
@@ -173,7 +174,8 @@ impl PortLaw {
             }
             if let Some(end) = peer.as_mut().and_then(Peer::end) {
                 // Its last frames may have arrived meanwhile.
-                wire.receive().map_err(|error| in_words(&error))?;
+                wire.receive_answers(step)
+                    .map_err(|error| in_words(&error))?;
                 let Some(frame) = wire.awaited(step) else {
                     return Ok(());
                 };
@@ -198,7 +200,7 @@ impl PortLaw {
                     wire.name(frame),
                     limit.as_secs_f64(),
                     wire.places(),
-                    others(&wire.counts())
+                    wire.others(before, begin.elapsed())
                 )));
             }
         }
@@ -207,26 +209,6 @@ impl PortLaw {
             true => settle(wire, until).map_err(|error| in_words(&error)),
             false => Ok(()),
         }
-    }
-}
-
-/// Describes what has arrived instead of a frame, with a semicolon in front; empty if nothing has.
-fn others(counts: &Counts) -> String {
-    let of_media = |count: fn(&MediumCounts) -> u64| counts.media.iter().map(count).sum::<u64>();
-    let refused: u64 = counts.frames.iter().map(|frame| frame.refused).sum();
-    let texts = [
-        (refused, "refused"),
-        (of_media(|medium| medium.foreign), "of no frame of the port"),
-        (of_media(|medium| medium.strangers), "of other senders"),
-        (of_media(|medium| medium.skipped_bytes), "bytes of no frame"),
-    ];
-    let texts: Vec<String> = (texts.iter())
-        .filter(|(count, _)| *count > 0)
-        .map(|(count, text)| format!("{count} {text}"))
-        .collect();
-    match texts.is_empty() {
-        true => String::new(),
-        false => format!("; arrived so far: {}", texts.join(", ")),
     }
 }
 

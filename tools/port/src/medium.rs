@@ -5,6 +5,7 @@ mod can;
 mod cut;
 mod datagram;
 mod file;
+mod notes;
 mod serial;
 mod socket_path;
 mod stream;
@@ -20,10 +21,13 @@ use hil_config::port::{self, MediumKind};
 
 pub use adoption::{adopt, connecting, path_of};
 pub use cut::Cut;
+pub use notes::{Note, NoteKind, hex};
+use socket_path::is_socket_or_free;
 pub use socket_path::remove_if_left;
 use stream::Stream;
 
-/// Longest frame that any medium carries, in bytes. A longer one is received as one byte more and refused.
+/// Longest frame that any medium carries, in bytes. Of a longer one the beginning is received, one byte more than this,
+/// and refused.
 pub const LONGEST: usize = 4096;
 
 /// Frame that arrived.
@@ -31,8 +35,18 @@ pub const LONGEST: usize = 4096;
 pub struct Arrival {
     /// Number of bytes at the beginning of the buffer.
     pub length: usize,
+    /// Number of bytes that were sent, which may be more than the buffer has room for.
+    pub size: usize,
     /// Identifier, on CAN.
     pub id: Option<CanId>,
+}
+
+impl Arrival {
+    /// Returns a frame that the buffer has whole.
+    const fn whole(length: usize, id: Option<CanId>) -> Self {
+        let size = length;
+        Self { length, size, id }
+    }
 }
 
 /// Counts of a medium that concern no frame of the port; each is described in [`hil_config::port::counts`].
@@ -52,6 +66,8 @@ pub struct Tally {
     pub remote_requests: u64,
     /// Reads that failed, of a file.
     pub unreadable: u64,
+    /// Frames that the kernel dropped because they were read too late.
+    pub dropped: u64,
 }
 
 /// End of a medium on which frames are sent now.
@@ -129,6 +145,16 @@ pub trait Medium: Send {
 
     /// Returns the counts so far.
     fn counts(&self) -> Tally;
+
+    /// Returns the first sender other than the peer, as a text.
+    fn first_other(&self) -> Option<&str> {
+        None
+    }
+
+    /// Takes the notes since the last call.
+    fn take_notes(&mut self) -> Vec<Note> {
+        Vec::new()
+    }
 }
 
 /// Opens a medium, whose paths are relative to a folder. `cut` says where frames end on it, if it is a stream of bytes.
@@ -141,6 +167,11 @@ pub fn open(medium: &port::Medium, cut: Cut, folder: &Path) -> io::Result<Box<dy
         MediumKind::Udp { to, listen } => Box::new(datagram::Udp::open(*to, *listen)?),
         MediumKind::Cannelloni { to, listen, .. } => {
             Box::new(can::Cannelloni::new(datagram::Udp::open(*to, *listen)?))
+        }
+        MediumKind::Unix { path, .. } if !is_socket_or_free(&path_of(path)) => {
+            let why =
+                "the path is that of something else than a socket; name another one, or remove it";
+            return Err(io::Error::new(io::ErrorKind::InvalidInput, why));
         }
         MediumKind::Tcp { address, listens } => match listens {
             true => Box::new(Stream::tcp_listener(*address, cut)?),

@@ -1,11 +1,13 @@
 //! The frames of a port, bound to the rows of a side: what is sent, what arrives, and what is counted.
 
 mod check;
+mod ledger;
+mod reading;
 mod refusals;
 mod turn;
 
 use std::io;
-use std::mem::{discriminant, take};
+use std::mem::take;
 use std::os::fd::BorrowedFd;
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -13,15 +15,14 @@ use std::time::{Duration, Instant};
 use hil_codec::frame::{CanId, Frame};
 use hil_codec::pack::Packer;
 use hil_codec::receive::Receiver;
-use hil_codec::row::{FieldResult, Row};
-use hil_config::port::counts::{Counts, FrameCounts, MediumCounts};
-use hil_config::port::{Carries, Exchange, MediumKind, Port, PortFrame};
+use hil_codec::row::Row;
+use hil_config::port::{Carries, Exchange, MediumKind, Port};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use shared_types::quality::SignalSet;
 
 pub use check::check;
 use check::{age_limit, cut, steps};
-use refusals::{Kind, is_answer, is_new, is_no_frame, report};
+use refusals::Kind;
 
 use crate::medium::{self, LONGEST, Medium};
 
@@ -78,6 +79,10 @@ pub struct Wire {
     /// For each frame, the refused fields that have been looked at.
     refused_fields: Vec<u64>,
     printed: Vec<Kind>,
+    /// Frames that were read.
+    read: u64,
+    /// `true` if a medium brought more frames than a step reads.
+    is_flooded: bool,
     buffer: Vec<u8>,
 }
 
@@ -147,6 +152,8 @@ impl Wire {
             unasked: vec![0; port.frames.len()],
             refused_fields: vec![0; port.frames.len()],
             printed: Vec::new(),
+            read: 0,
+            is_flooded: false,
             buffer: vec![0; LONGEST + 1],
             port: port.clone(),
         })
@@ -231,76 +238,17 @@ impl Wire {
         media.map(|(_, incoming)| of(incoming)).sum()
     }
 
-    /// Receives all frames that have arrived.
-    ///
-    /// # Errors
-    /// If a medium is gone.
-    pub fn receive(&mut self) -> Result<(), WireError> {
-        for (index, incoming) in self.media.iter_mut().enumerate() {
-            let is_file = matches!(self.port.media[index].kind, MediumKind::File { .. });
-            if is_file && incoming.frames.is_empty() {
-                continue;
-            }
-            for _ in 0..MOST_AT_ONCE {
-                let result = incoming.medium.receive(&mut self.buffer);
-                let Some(arrival) = result.map_err(|error| gone(&self.port, index, error))? else {
-                    break;
-                };
-                let bytes = &self.buffer[..arrival.length];
-                let (place, result) = (incoming.receiver).receive(arrival.id, bytes, &mut self.row);
-                let frame = place.map(|place| incoming.frames[place]);
-                match (result, frame) {
-                    (Ok(()), Some(frame)) => {
-                        self.has_arrived[frame] = true;
-                        let place = place.unwrap_or_default();
-                        let refused = incoming.receiver.counts(place).refused_fields;
-                        if refused > self.refused_fields[frame] {
-                            self.refused_fields[frame] = refused;
-                            let results = self.row.results();
-                            let columns = incoming.receiver.columns(place).iter();
-                            for result in columns.map(|column| results[*column]) {
-                                if let FieldResult::Refused(refusal) = result
-                                    && is_new(
-                                        &mut self.printed,
-                                        (Some(frame), discriminant(&refusal)),
-                                    )
-                                {
-                                    report(&self.port, index, Some(frame), &refusal, bytes);
-                                }
-                            }
-                        }
-                    }
-                    (Err(refusal), frame) => {
-                        // A plant whose frames all jump is lost, however many there are.
-                        if let Some(frame) = frame
-                            && self.port.frames[frame].carries == Carries::Command
-                            && is_answer(&refusal)
-                        {
-                            self.has_arrived[frame] = true;
-                        }
-                        if is_no_frame(&refusal) {
-                            incoming.medium.reject();
-                        }
-                        if is_new(&mut self.printed, (frame, discriminant(&refusal))) {
-                            let of = frame.or(incoming.frames.first().copied());
-                            report(&self.port, index, of, &refusal, bytes);
-                        }
-                    }
-                    (Ok(()), None) => {}
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// Returns the first frame that is due at a step and has not arrived since [`send`](Self::send).
     #[must_use]
     pub fn awaited(&self, step: u64) -> Option<usize> {
         let frames = self.media.iter().flat_map(|incoming| &incoming.frames);
-        let mut due = frames.filter(|frame| {
-            step.is_multiple_of(self.dividers[**frame]) && !self.has_arrived[**frame]
-        });
-        due.next().copied()
+        let mut awaited = frames.filter(|frame| self.is_awaited(**frame, step));
+        awaited.next().copied()
+    }
+
+    /// Returns `true` if a frame is due at a step and has not arrived since [`send`](Self::send).
+    fn is_awaited(&self, frame: usize, step: u64) -> bool {
+        step.is_multiple_of(self.dividers[frame]) && !self.has_arrived[frame]
     }
 
     /// Returns the name of a frame.
@@ -339,60 +287,6 @@ impl Wire {
             Ok(_) | Err(rustix::io::Errno::INTR) => Ok(()),
             Err(error) => Err(error.into()),
         }
-    }
-
-    /// Returns the counts so far.
-    #[must_use]
-    pub fn counts(&self) -> Counts {
-        let named = |one: &PortFrame| FrameCounts {
-            name: one.frame.name.clone(),
-            ..FrameCounts::default()
-        };
-        let mut counts = Counts {
-            frames: self.port.frames.iter().map(named).collect(),
-            media: Vec::new(),
-            repeatable: self.port.is_repeatable,
-        };
-        for one in &self.outgoing {
-            let count = &mut counts.frames[one.frame];
-            count.sent = one.sent;
-            count.resent = one.resent;
-            count.saturated = one.packer.saturated().iter().sum();
-        }
-        for (medium, incoming) in self.port.media.iter().zip(&self.media) {
-            for (place, frame) in incoming.frames.iter().enumerate() {
-                let (count, received) =
-                    (&mut counts.frames[*frame], incoming.receiver.counts(place));
-                count.accepted = received.accepted;
-                count.repeated = received.repeated;
-                count.refused = received.refused;
-                count.lost = received.lost;
-                count.refused_fields = received.refused_fields;
-                count.unasked = self.unasked[*frame];
-            }
-            let of_medium = incoming.medium.counts();
-            counts.media.push(MediumCounts {
-                name: medium.name.clone(),
-                foreign: incoming.receiver.foreign(),
-                strangers: of_medium.strangers,
-                new_peers: of_medium.new_peers,
-                skipped_bytes: of_medium.skipped_bytes,
-                unsent: of_medium.unsent,
-                error_frames: of_medium.error_frames,
-                remote_requests: of_medium.remote_requests,
-                unreadable: of_medium.unreadable,
-            });
-        }
-        counts
-    }
-
-    /// Returns the media as a text for messages.
-    #[must_use]
-    pub fn places(&self) -> String {
-        let places: Vec<String> = { self.port.media.iter() }
-            .map(|medium| medium::place(&medium.kind))
-            .collect();
-        places.join("; ")
     }
 }
 

@@ -85,7 +85,7 @@ _MODULES = {
 
 #: Functions that have another name in their module.
 _RENAMED = {"main": ("side", "run")}
-_SUBMODULES = ("math",)
+_SUBMODULES = ("gym", "math")
 
 __all__ = [
     "CommandError",

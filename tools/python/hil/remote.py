@@ -177,23 +177,28 @@ class RemoteSession:
             self._advance(target)
 
     def _advance(self, target: int) -> None:
-        steps = self._status["steps"]
-        if target >= steps:
-            self._ask({"request": "resume"})
-            while self._process.poll() is None:
-                time.sleep(LOOK_S)
-            self._conclude()
-            return
-        while self._status["step"] < target:
+        try:
+            if target >= self._status["steps"]:
+                self._ask({"request": "resume"})
+                while self._process.poll() is None:
+                    time.sleep(LOOK_S)
+                self._conclude()
+            else:
+                self._advance_in_parts(target)
+        except KeyboardInterrupt:
+            # Held again, so that the session goes on from there.
+            if self._process.poll() is None:
+                self._ask({"request": "pause"})
+                self._wait_until_held()
+            raise
+
+    def _advance_in_parts(self, target: int) -> None:
+        while self._run is None and self._status["step"] < target:
             part = min(self._part, target - self._status["step"])
             since = time.monotonic()
             answer = self._ask({"request": "advance", "steps": part})
             if answer["response"] == "refused":
-                # The run has ended early, or goes on after an interrupt.
-                if self._run is not None:
-                    return
-                self._ask({"request": "pause"})
-                self._status = self._ask({"request": "status"})
+                time.sleep(LOOK_S)  # the run is about to end early
                 continue
             self._status = answer
             took_s = time.monotonic() - since

@@ -201,6 +201,10 @@ def _is_of_python(path: str) -> bool:
 
 
 def _version(package: str) -> str:
+    if package == __package__:
+        from .native import native
+
+        return str(native().__version__)
     version = getattr(sys.modules.get(package), "__version__", None)
     if isinstance(version, str):
         return version

@@ -8,6 +8,7 @@ pub(crate) mod content;
 mod error;
 mod form;
 mod schema;
+mod span;
 mod validity;
 mod vouched;
 
@@ -30,6 +31,7 @@ pub use content::FileEnd;
 use content::{Content, ContentError};
 pub use error::ReadError;
 pub use schema::Column;
+pub use span::SpanReader;
 pub(crate) use vouched::VOUCHED;
 pub use vouched::{UNVOUCHED, Unvouched};
 

@@ -235,6 +235,9 @@ impl SteppedRun {
             let reason = reason.as_deref().unwrap_or("the run gave no reason");
             return Err(Failure::infrastructure(reason));
         }
+        if let Some(error) = &self.recorder.0.borrow().error {
+            return Err(Failure::infrastructure(error));
+        }
         Ok(has_arrived)
     }
 
@@ -353,6 +356,14 @@ impl SteppedRun {
         let evaluation = recorder.collector.evaluation.as_ref();
         let values = evaluation.map(|evaluation| evaluation.so_far().requirements());
         values.iter().flatten().map(Requirement::from).collect()
+    }
+
+    /// Returns bounds on the final robustness of each requirement, in the plan's order.
+    #[must_use]
+    pub fn bounds(&self) -> Vec<[f64; 2]> {
+        let recorder = self.recorder.0.borrow();
+        let evaluation = recorder.collector.evaluation.as_ref();
+        evaluation.map_or_else(Vec::new, |evaluation| evaluation.so_far().bounds())
     }
 
     /// Returns the metrics so far.

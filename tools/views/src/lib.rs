@@ -16,6 +16,7 @@ pub(crate) mod figures;
 pub mod layout;
 pub mod monitor;
 pub mod offline_page;
+pub(crate) mod pages;
 pub mod panel;
 pub mod plots;
 pub mod prefix;

@@ -1,23 +1,30 @@
-//! `hil panel`: a running session in a web browser on this machine.
+//! `hil panel`: a running session, or a [recorded] run, in a web browser on this machine.
 //!
 //! 1. The [watch](super::monitor::watch) and the [queries](super::monitor::asking) of the monitor feed the
 //!    monitor's [model](super::monitor::model).
 //! 2. The [`server`] checks [`request`]s and serves the [`page`].
 //! 3. A page that presents the secret becomes a [`client`]: it receives [`message`]s made from the model and sends
 //!    requests to the [`board`].
-//! 4. The [`opener`] opens the page, if this machine has a screen.
+//! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
+//!    recorded run.
+//! 5. The [`opener`] opens the page, if this machine has a screen.
 //!
 //! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
 //! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
 //! run.
 
+pub(crate) mod archive;
 pub(crate) mod board;
 pub(crate) mod client;
+pub(crate) mod kept;
 pub mod message;
 pub(crate) mod opener;
 pub(crate) mod page;
+pub(crate) mod reading;
+pub(crate) mod recorded;
 pub mod request;
 pub(crate) mod server;
+pub(crate) mod wire;
 
 use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
@@ -58,6 +65,9 @@ const LAST_LOOK: Duration = Duration::from_millis(600);
 /// # Errors
 /// If there is no session to show, the session cannot be watched, or a prepared fault is invalid.
 pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
+    if let Some(run) = &arguments.run {
+        return recorded::open(arguments, run);
+    }
     let interruption = Interruption::listen()?;
     let json = arguments.choice.json;
     let target = match arguments.run_of {
@@ -84,6 +94,7 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     });
     let buttons: Vec<Button> = buttons.collect();
 
+    let over = recorded::laid_over(arguments, plan.run.rate.hz())?;
     let run_dir = session.run_dir.clone();
     let window_s = arguments.window.unwrap_or(plan.panel.window_s);
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
@@ -93,8 +104,8 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     watch.check()?;
     show_newest(&session, &model);
     let asking = Asking::start(session.clone(), model.clone());
-    let board = Arc::new(Board::new(session, model.clone(), buttons, window_s));
-    let server = Server::start(board)?;
+    let board = Board::new(session, model.clone(), buttons, window_s, over);
+    let server = Server::start(Arc::new(board))?;
     let url = server.url();
     let session = &model.lock().session.clone();
     if json {

@@ -9,13 +9,14 @@
 //! escaped. Nothing is judged here: requirements are evaluated by the same code as in the run.
 
 mod data;
-mod envelope;
+pub(crate) mod envelope;
 mod first;
-mod grid;
+pub(crate) mod grid;
 mod label;
 pub(crate) mod page;
-mod plots;
-mod run;
+pub(crate) mod plots;
+pub(crate) mod rows;
+pub(crate) mod run;
 mod tables;
 
 use std::path::Path;
@@ -172,7 +173,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     Ok((text, Written { bytes, ..written }, damage))
 }
 
-fn patterns(texts: &[String]) -> Result<Vec<Pattern>, Failure> {
+pub(crate) fn patterns(texts: &[String]) -> Result<Vec<Pattern>, Failure> {
     let pattern = |text: &String| {
         Pattern::new(text).map_err(|error| Failure::usage(format!("--signal `{text}`: {error}")))
     };
@@ -201,7 +202,7 @@ fn grid(runs: &[Run]) -> Grid {
 }
 
 /// Refuses patterns that match no signal of any run.
-fn refuse_unknown(patterns: &[Pattern], signals: &[Signals]) -> Result<(), Failure> {
+pub(crate) fn refuse_unknown(patterns: &[Pattern], signals: &[Signals]) -> Result<(), Failure> {
     let names = || {
         signals
             .iter()

@@ -78,7 +78,19 @@ fn message(bytes: &[u8]) {
     match parse(text) {
         Err(reason) => assert!(!reason.is_empty()),
         Ok(ClientMessage::View { window_s, .. }) => assert!(window_s.is_finite() && window_s > 0.0),
-        Ok(ClientMessage::Seen { .. }) => {}
+        Ok(ClientMessage::Seen { .. } | ClientMessage::Where { .. }) => {}
+        Ok(ClientMessage::Read {
+            from,
+            to,
+            most,
+            signals,
+            ..
+        }) => assert!(
+            from <= to && to <= 1 << 40 && (1..=2048).contains(&most) && signals.len() <= 64
+        ),
+        Ok(ClientMessage::Measure {
+            from, to, signals, ..
+        }) => assert!(from <= to && to <= 1 << 40 && signals.len() <= 64),
         // The words of a fault are the subject of another target.
         Ok(ClientMessage::Do { action, .. }) => {
             assert_eq!(

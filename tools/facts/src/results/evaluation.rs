@@ -63,6 +63,12 @@ impl RecordEvaluation {
         self.evaluation.derived()
     }
 
+    /// Returns the signals of the last record with the derived ones behind them; NaN for missing values.
+    #[must_use]
+    pub fn row(&self) -> &[f64] {
+        self.evaluation.row()
+    }
+
     /// Returns the results so far.
     pub const fn so_far(&self) -> &Evaluation {
         &self.evaluation

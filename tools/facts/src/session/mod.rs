@@ -10,3 +10,4 @@ pub mod mark;
 pub mod observer;
 pub mod set;
 pub mod standing;
+pub mod writing;

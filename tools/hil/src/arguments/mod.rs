@@ -93,7 +93,7 @@ pub enum Command {
     /// Watch a running session: plots, faults, latency, requirements
     #[command(after_help = hil_views::arguments::monitor::EXAMPLES)]
     Monitor(MonitorArguments),
-    /// Show a running session in a browser, with its faults and controls
+    /// Show a running session or a recorded run in a browser
     #[command(after_help = hil_views::arguments::panel::EXAMPLES)]
     Panel(PanelArguments),
     /// Change the controller of a running session

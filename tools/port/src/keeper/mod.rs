@@ -17,8 +17,10 @@ use std::os::unix::fs::FileExt;
 use std::os::unix::process::CommandExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
 
 use hil_session::process::MARK;
+use hil_session::program::say;
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{MemfdFlags, memfd_create};
 use rustix::io::Errno;
@@ -51,6 +53,11 @@ const START_LIMIT: Timespec = Timespec {
     tv_sec: 4,
     tv_nsec: 0,
 };
+
+/// Longest time beyond that of its frames until a keeper has ended, and after its kill.
+const END_LIMIT: Duration = Duration::from_secs(1);
+/// Time beyond that of its frames from which the end of a keeper is late.
+const LATE: Duration = Duration::from_millis(500);
 
 /// Facts by which another end of a medium is noticed.
 type End = (RawFd, u64, Option<SocketAddr>);
@@ -170,11 +177,52 @@ impl Keeper {
         result != Err(Errno::AGAIN) && result != Err(Errno::INTR)
     }
 
-    /// Tells the keeper of an orderly end, and waits until it has sent the safe values.
-    pub fn end(mut self) {
+    /// Tells the keeper of an orderly end, and waits until it has sent the safe values, which take this long; a keeper
+    /// that is late is named in the log.
+    ///
+    /// # Errors
+    /// If it has not ended in time. It is killed then, and the safe values may not have been sent.
+    pub fn end(mut self, frames: Duration) -> Result<(), String> {
+        let begin = Instant::now();
         let _ = send(&self.pair, END, SendFlags::NOSIGNAL);
-        // Its number of frames is limited, so it ends by itself.
-        let _ = self.process.wait();
+        let limit = frames + END_LIMIT;
+        let has_ended = self.await_end(begin + limit);
+        let (time_s, frames_s) = (begin.elapsed().as_secs_f64(), frames.as_secs_f64());
+        if has_ended {
+            if begin.elapsed() > frames + LATE {
+                say(&format!(
+                    "the keeper took {time_s:.3} s for safe values of {frames_s:.3} s"
+                ));
+            }
+            return Ok(());
+        }
+        let _ = self.process.kill();
+        let is_killed = self.await_end(Instant::now() + END_LIMIT);
+        let outcome = match is_killed {
+            true => "it was killed",
+            false => "it cannot be killed, because the system holds it",
+        };
+        Err(format!(
+            "the keeper has not ended within {time_s:.3} s, for safe values of {frames_s:.3} s; {outcome}"
+        ))
+    }
+
+    /// Waits for the end of the keeper and reaps it; returns `false` if it lives on at a time.
+    fn await_end(&mut self, until: Instant) -> bool {
+        loop {
+            let left = until.saturating_duration_since(Instant::now());
+            let limit = Timespec::try_from(left).unwrap_or(START_LIMIT);
+            // Its end of the pair closes with it.
+            let mut closed = [PollFd::new(&self.pair, PollFlags::empty())];
+            match poll(&mut closed, Some(&limit)) {
+                Ok(0) => return false,
+                Err(Errno::INTR) => {}
+                Ok(_) | Err(_) => {
+                    let _ = self.process.wait();
+                    return true;
+                }
+            }
+        }
     }
 }
 

@@ -8,7 +8,8 @@ use hil_codec::frame::CanId;
 pub(super) use cannelloni::Cannelloni;
 pub(super) use socket::Interface;
 
-use super::Tally;
+use super::notes::Notes;
+use super::{NoteKind, Tally};
 
 /// Flag of an identifier of 29 bits.
 const EXTENDED: u32 = 1 << 31;
@@ -29,13 +30,22 @@ fn raw_id(id: Option<CanId>) -> u32 {
 }
 
 /// Returns the identifier of a data frame. Error frames and remote requests are counted and have none.
-fn data_id(raw: u32, counts: &mut Tally) -> Option<CanId> {
+fn data_id(raw: u32, data: &[u8], counts: &mut Tally, notes: &mut Notes) -> Option<CanId> {
     if raw & ERROR != 0 {
         counts.error_frames += 1;
+        notes.add(NoteKind::ErrorFrame, data, || {
+            format!(
+                "an error frame of class {:#x} (linux/can/error.h)",
+                raw & 0x1FFF_FFFF
+            )
+        });
         return None;
     }
     if raw & REMOTE != 0 {
         counts.remote_requests += 1;
+        notes.add(NoteKind::RemoteRequest, data, || {
+            format!("a remote request for id {:#x}", raw & 0x1FFF_FFFF)
+        });
         return None;
     }
     Some(match raw & EXTENDED {

@@ -2,7 +2,7 @@
 
 use hil_codec::frame::{Body, Content, Frame};
 
-use super::LONGEST;
+use super::{LONGEST, hex};
 
 /// Ends of frames on a stream.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,6 +38,26 @@ impl Cut {
             (_, []) => Ok(Self::Line),
             ([line, ..], _) => Err(format!("frame {line} is a line of JSON and another one on the same stream is bytes; use one format for a stream")),
         }
+    }
+
+    /// Describes bytes that are skipped.
+    pub(super) fn describe(&self, skipped: &[u8]) -> String {
+        let sync = match self {
+            Self::Line => return format!("a line of more than {LONGEST} bytes"),
+            Self::Lengths(frames) => match frames.as_slice() {
+                [(_, sync)] if !sync.is_empty() => sync,
+                _ => return "bytes that no frame begins with".into(),
+            },
+        };
+        let is_reversed = |bytes: &[u8]| bytes.iter().eq(sync.iter().rev());
+        let order = match sync.len() > 1 && skipped.windows(sync.len()).any(is_reversed) {
+            true => ", but have it in the other byte order",
+            false => "",
+        };
+        format!(
+            "bytes that do not begin with {}{order}",
+            hex(sync, sync.len())
+        )
     }
 
     /// Returns how many bytes to skip, and the length of the frame behind them if it is complete.

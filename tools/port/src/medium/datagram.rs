@@ -1,18 +1,22 @@
 //! Datagrams: UDP and sockets of this machine, one frame in each.
 
-use std::io::{self, ErrorKind};
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, UdpSocket};
+mod unix;
+
+use std::io::{self, ErrorKind, IoSliceMut};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, SocketAddrV6, UdpSocket};
 use std::os::fd::{AsFd, AsRawFd, BorrowedFd};
-use std::os::unix::net::UnixDatagram;
-use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use hil_codec::frame::CanId;
-use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr};
-use nix::sys::socket::{MsgFlags, recv, setsockopt};
+use nix::cmsg_space;
+use nix::sys::socket::sockopt::{Ipv4RecvErr, Ipv6RecvErr, RxqOvfl};
+use nix::sys::socket::{ControlMessageOwned, MsgFlags, SockaddrStorage, recv, recvmsg, setsockopt};
+use rustix::net::sockopt::{set_socket_recv_buffer_size, set_socket_recv_buffer_size_force};
 
-use super::socket_path::{SocketPath, is_same};
-use super::{Arrival, LONGEST, Medium, Outlet, Tally, To};
+use super::notes::Notes;
+use super::{Arrival, LONGEST, Medium, Note, NoteKind, Outlet, Tally, To};
+
+pub(super) use unix::Unix;
 
 /// Silence of the peer after which another sender may take its place.
 const SILENCE: Duration = Duration::from_secs(1);
@@ -20,13 +24,19 @@ const SILENCE: Duration = Duration::from_secs(1);
 const MOST_STRANGERS: usize = 256;
 /// Most datagrams that are known to have reached nobody in one step.
 const MOST_LOST: usize = 64;
+/// Number of datagrams of others after which the kernel is asked to drop them, so that they take no room from the peer's.
+const FLOOD: u64 = 4096;
+/// Bytes of the receive buffer, of which the kernel makes twice as many: room for as many short datagrams as one step
+/// reads. A larger one would let a step read what is older than the newest.
+const RECEIVE_BUFFER: usize = 3 << 19;
 
 /// UDP socket.
 ///
 /// The peer is the sender at the address that frames are sent to. Until that one has sent a frame it is the first sender
 /// with the same IP address, because many programs answer from another port than they listen at; without an address to
 /// send to it is the first sender. A sender that is not the peer is counted; after a second
-/// without a frame of the peer it takes the peer's place, as a restarted program does.
+/// without a frame of the peer it takes the peer's place, as a restarted program does. The address that frames are sent to
+/// loses its place to nobody, so that the kernel can drop the frames of others once they are many.
 #[derive(Debug)]
 pub(crate) struct Udp {
     socket: UdpSocket,
@@ -41,10 +51,33 @@ pub(crate) struct Udp {
     /// Datagrams of this step that reached nobody, as far as the network gives their bytes back: a host of this machine
     /// all, a distant one the beginning, or nothing.
     lost: Vec<Vec<u8>>,
+    /// `true` if the kernel drops the frames of others.
+    is_closed: bool,
+    /// First sender other than the peer.
+    first_other: Option<String>,
+    /// Room for the count of dropped datagrams, which comes with one that arrives.
+    control: Vec<u8>,
     counts: Tally,
+    notes: Notes,
 }
 
 impl Udp {
+    fn new(socket: UdpSocket, to: Option<SocketAddr>) -> Self {
+        Self {
+            socket,
+            to,
+            follows: to.is_none(),
+            is_owned: false,
+            peer: None,
+            lost: Vec::new(),
+            is_closed: false,
+            first_other: None,
+            control: cmsg_space!(u32),
+            counts: Tally::default(),
+            notes: Notes::default(),
+        }
+    }
+
     pub(crate) fn open(to: Option<SocketAddr>, listen: Option<SocketAddr>) -> io::Result<Self> {
         let any = |to: SocketAddr| match to {
             SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)),
@@ -58,27 +91,56 @@ impl Udp {
             SocketAddr::V4(_) => setsockopt(&socket, Ipv4RecvErr, &true)?,
             SocketAddr::V6(_) => setsockopt(&socket, Ipv6RecvErr, &true)?,
         }
-        Ok(Self {
-            socket,
-            to,
-            follows: to.is_none(),
-            is_owned: false,
-            peer: None,
-            lost: Vec::new(),
-            counts: Tally::default(),
-        })
+        setsockopt(&socket, RxqOvfl, &1)?;
+        enlarge(&socket);
+        Ok(Self::new(socket, to))
     }
 
     /// Makes a medium that sends on an open socket.
     pub(super) fn adopt(socket: UdpSocket, to: SocketAddr) -> Self {
-        Self {
-            socket,
-            to: Some(to),
-            follows: false,
-            is_owned: false,
-            peer: None,
-            lost: Vec::new(),
-            counts: Tally::default(),
+        Self::new(socket, Some(to))
+    }
+
+    /// Receives a datagram; returns its length, which may be more than the buffer's, and its sender.
+    fn receive_from(&mut self, buffer: &mut [u8]) -> io::Result<(usize, Option<SocketAddr>)> {
+        let flags = MsgFlags::MSG_TRUNC | MsgFlags::MSG_DONTWAIT;
+        let mut parts = [IoSliceMut::new(buffer)];
+        let fd = self.socket.as_raw_fd();
+        let message = recvmsg::<SockaddrStorage>(fd, &mut parts, Some(&mut self.control), flags)?;
+        for control in message.cmsgs().into_iter().flatten() {
+            if let ControlMessageOwned::RxqOvfl(dropped) = control {
+                // The kernel counts in 32 bits.
+                let since = dropped.wrapping_sub(self.counts.dropped as u32);
+                self.counts.dropped += u64::from(since);
+                self.notes.add(NoteKind::Dropped, &[], || {
+                    "the receive buffer was full, so that the kernel has dropped frames".into()
+                });
+            }
+        }
+        let from = message.address.and_then(|address| {
+            let of_v4 = address.as_sockaddr_in().map(|v4| SocketAddr::from(*v4));
+            of_v4.or_else(|| Some(SocketAddrV6::from(*address.as_sockaddr_in6()?).into()))
+        });
+        Ok((message.bytes, from))
+    }
+
+    /// Counts a datagram of another sender.
+    fn note_other(&mut self, from: Option<SocketAddr>, datagram: &[u8]) {
+        self.counts.strangers += 1;
+        if self.first_other.is_none() {
+            let other = from.map_or_else(|| "an unknown address".into(), |from| from.to_string());
+            let peer = self.peer.map(|(peer, _)| peer).or(self.to);
+            self.notes
+                .add(NoteKind::OtherSender, datagram, || match peer {
+                    Some(peer) => format!("a frame of {other}, while the peer is {peer}"),
+                    None => format!("a frame of {other}"),
+                });
+            self.first_other = Some(other);
+        }
+        // An address that has its place for good.
+        if self.is_owned && !self.is_closed && self.counts.strangers >= FLOOD {
+            // The frames of others are read and dropped here if the kernel cannot do it.
+            self.is_closed = self.to.is_some_and(|to| self.socket.connect(to).is_ok());
         }
     }
 
@@ -111,13 +173,21 @@ impl Udp {
         lost.any(|lost| end.starts_with(lost.get(from..).unwrap_or_default()))
     }
 
+    fn note_new_peer(&mut self, before: SocketAddr, peer: SocketAddr) {
+        self.counts.new_peers += 1;
+        self.notes.add(NoteKind::NewPeer, &[], || {
+            format!("{peer} takes the place of the peer {before}")
+        });
+    }
+
     /// Returns `true` if a frame of this sender is one of the peer.
     fn admits(&mut self, from: SocketAddr) -> bool {
         let now = Instant::now();
         // The address that frames are sent to is the peer, whoever spoke before.
         if !self.follows && self.to == Some(from) {
-            let replaces = self.peer.is_some_and(|(peer, _)| peer != from);
-            self.counts.new_peers += u64::from(replaces);
+            if let Some((peer, _)) = self.peer.filter(|(peer, _)| *peer != from) {
+                self.note_new_peer(peer, from);
+            }
             self.peer = Some((from, now));
             self.is_owned = true;
             return true;
@@ -129,12 +199,12 @@ impl Udp {
             .to
             .is_some_and(|to| !self.follows && to.ip() != from.ip());
         let is_other = |(peer, at): (SocketAddr, Instant)| {
-            (peer != from).then_some(now.duration_since(at) < SILENCE)
+            (peer != from).then_some((peer, now.duration_since(at) < SILENCE))
         };
         match self.peer.and_then(is_other) {
             _ if is_elsewhere => return false,
-            Some(true) => return false,
-            Some(false) => self.counts.new_peers += 1,
+            Some((_, true)) => return false,
+            Some((peer, false)) => self.note_new_peer(peer, from),
             None => {}
         }
         self.peer = Some((from, now));
@@ -175,11 +245,15 @@ impl Medium for Udp {
 
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
         for _ in 0..MOST_STRANGERS {
-            match self.socket.recv_from(buffer) {
-                Ok((length, from)) if self.admits(from) => {
-                    return Ok(Some(Arrival { length, id: None }));
+            match self.receive_from(buffer) {
+                Ok((size, from)) => {
+                    let length = size.min(buffer.len());
+                    if from.is_some_and(|from| self.admits(from)) {
+                        let id = None;
+                        return Ok(Some(Arrival { length, size, id }));
+                    }
+                    self.note_other(from, &buffer[..length]);
                 }
-                Ok(_) => self.counts.strangers += 1,
                 // The answer to an earlier datagram: nobody listens there.
                 Err(error) if is_absence(&error) => {
                     if !self.collect_lost() {
@@ -207,89 +281,21 @@ impl Medium for Udp {
     fn counts(&self) -> Tally {
         self.counts
     }
-}
 
-/// Socket of this machine with datagrams.
-#[derive(Debug)]
-pub(crate) struct Unix {
-    own: SocketPath,
-    socket: UnixDatagram,
-    /// Path of the peer, if known.
-    to: Option<PathBuf>,
-    counts: Tally,
-}
-
-impl Unix {
-    pub(crate) fn open(path: &Path, listens: bool) -> io::Result<Self> {
-        // A peer can only answer a socket that has a path.
-        let path_of_own = match listens {
-            true => path.to_owned(),
-            false => PathBuf::from(format!("{}.hil-{}", path.display(), std::process::id())),
-        };
-        let (own, socket) = SocketPath::bind(&path_of_own, |path| UnixDatagram::bind(path))?;
-        socket.set_nonblocking(true)?;
-        Ok(Self {
-            own,
-            socket,
-            to: (!listens).then(|| path.to_owned()),
-            counts: Tally::default(),
-        })
+    fn first_other(&self) -> Option<&str> {
+        self.first_other.as_deref()
     }
 
-    /// Makes a medium that sends on an open socket.
-    pub(super) fn adopt(socket: UnixDatagram, to: PathBuf) -> Self {
-        Self {
-            own: SocketPath::of_another(),
-            socket,
-            to: Some(to),
-            counts: Tally::default(),
-        }
+    fn take_notes(&mut self) -> Vec<Note> {
+        self.notes.take()
     }
 }
 
-impl Medium for Unix {
-    fn send(&mut self, _: Option<CanId>, bytes: &[u8]) -> io::Result<bool> {
-        let result = match &self.to {
-            Some(to) => self.socket.send_to(bytes, to),
-            None => Err(ErrorKind::NotFound.into()),
-        };
-        let is_absent = absent_peer(result, &mut self.counts)?;
-        Ok(!is_absent)
-    }
-
-    fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
-        for _ in 0..MOST_STRANGERS {
-            let (length, from) = match self.socket.recv_from(buffer) {
-                Ok(arrival) => arrival,
-                Err(error) => return nothing(error),
-            };
-            if let Some(name) = from.as_pathname() {
-                // Its name is what it was bound with, which may be relative, or lead over another folder.
-                let path = self.own.resolve(name);
-                if !is_same(self.to.get_or_insert_with(|| path.clone()), &path) {
-                    self.counts.strangers += 1;
-                    continue;
-                }
-            }
-            return Ok(Some(Arrival { length, id: None }));
-        }
-        Ok(None)
-    }
-
-    fn readable(&self) -> Option<BorrowedFd<'_>> {
-        Some(self.socket.as_fd())
-    }
-
-    fn outlet(&self) -> Option<Outlet<'_>> {
-        Some(Outlet {
-            fd: self.socket.as_fd(),
-            to: To::Path(self.to.as_deref()?),
-            connection: 0,
-        })
-    }
-
-    fn counts(&self) -> Tally {
-        self.counts
+/// Gives a socket room for the frames of a fast sender: without the right to more, as much as any user may have.
+pub(super) fn enlarge(socket: impl AsFd) {
+    if set_socket_recv_buffer_size_force(&socket, RECEIVE_BUFFER).is_err() {
+        // The kernel's own size is a smaller one.
+        let _ = set_socket_recv_buffer_size(&socket, RECEIVE_BUFFER);
     }
 }
 
@@ -326,99 +332,4 @@ pub(super) fn nothing<T>(error: io::Error) -> io::Result<Option<T>> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_frame_of_the_peer_is_found_behind_those_of_another_sender() {
-        let peer = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-        let other = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-        let mut udp = Udp::open(peer.local_addr().ok(), None).expect("a socket");
-        let own = udp.socket.local_addr().expect("an address").port();
-        let to = SocketAddr::from((Ipv4Addr::LOCALHOST, own));
-        let mut buffer = [0; 8];
-        peer.send_to(b"first", to).expect("sent");
-        let arrival = udp.receive(&mut buffer).expect("received");
-        assert_eq!(arrival.map(|one| one.length), Some(5));
-        for _ in 0..3 {
-            other.send_to(b"other", to).expect("sent");
-        }
-        peer.send_to(b"next", to).expect("sent");
-        let arrival = udp.receive(&mut buffer).expect("received");
-        assert_eq!(arrival.map(|one| one.length), Some(4));
-        assert_eq!(&buffer[..4], b"next");
-        assert_eq!(udp.counts().strangers, 3);
-    }
-
-    #[test]
-    fn datagrams_arrive_after_many_that_reached_nobody() {
-        let absent = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-        let to = absent.local_addr().expect("an address");
-        drop(absent);
-        let mut udp = Udp::open(Some(to), None).expect("a socket");
-        let own = udp.socket.local_addr().expect("an address").port();
-        let mut buffer = [0; 512];
-        for _ in 0..2000 {
-            udp.send(None, &[0; 256]).expect("absence is no error");
-            assert_eq!(udp.receive(&mut buffer).expect("no error"), None);
-        }
-        assert!(udp.has_reached_nobody(None, &[0; 256]));
-        let peer = UdpSocket::bind(to).expect("a socket");
-        let own = SocketAddr::from((Ipv4Addr::LOCALHOST, own));
-        for _ in 0..2 {
-            peer.send_to(&[1; 256], own).expect("sent");
-        }
-        for _ in 0..2 {
-            let arrival = udp.receive(&mut buffer).expect("received");
-            assert_eq!(arrival.map(|one| one.length), Some(256));
-        }
-    }
-
-    #[test]
-    fn a_datagram_that_reached_nobody_is_known_by_its_bytes() {
-        let absent = UdpSocket::bind("127.0.0.1:0").expect("a socket");
-        let to = absent.local_addr().expect("an address");
-        drop(absent);
-        let mut udp = Udp::open(Some(to), None).expect("a socket");
-        assert!(udp.send(None, b"first").expect("not known yet"));
-        let peer = UdpSocket::bind(to).expect("a socket");
-        assert!(udp.send(None, b"second").expect("sent"));
-        let mut buffer = [0; 8];
-        assert_eq!(peer.recv(&mut buffer).expect("received"), 6);
-        assert_eq!(udp.receive(&mut buffer).expect("nothing"), None);
-        assert!(udp.has_reached_nobody(None, b"first"));
-        assert!(!udp.has_reached_nobody(None, b"second"));
-        assert_eq!(udp.counts().unsent, 1);
-    }
-
-    #[test]
-    fn the_path_of_a_socket_stays_if_another_program_has_bound_it() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("shared");
-        let own = Unix::open(&path, true).expect("bound");
-        std::fs::remove_file(&path).expect("removed");
-        let _other = UnixDatagram::bind(&path).expect("bound by another program");
-        drop(own);
-        assert!(path.exists());
-    }
-
-    #[test]
-    fn a_peer_is_the_same_under_another_path_of_its_socket() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let [real, link] = ["real", "link"].map(|name| folder.path().join(name));
-        std::fs::create_dir(&real).expect("a folder");
-        std::os::unix::fs::symlink(&real, &link).expect("a link");
-        let peer = UnixDatagram::bind(real.join("peer")).expect("bound");
-        let mut own = Unix::open(&link.join("peer"), false).expect("bound");
-        let other = UnixDatagram::bind(real.join("other")).expect("bound");
-        own.send(None, b"sample").expect("sent");
-        let mut buffer = [0; 8];
-        let (_, from) = peer.recv_from(&mut buffer).expect("received");
-        let path = from.as_pathname().expect("a path");
-        other.send_to(b"stranger", path).expect("sent");
-        peer.send_to(b"command", path).expect("sent");
-        let arrival = own.receive(&mut buffer).expect("received");
-        assert_eq!(arrival.map(|one| one.length), Some(7));
-        assert_eq!(own.counts().strangers, 1);
-    }
-}
+mod tests;

@@ -9,7 +9,8 @@ use std::path::Path;
 use hil_codec::frame::CanId;
 use rustix::io::Errno;
 
-use super::{Arrival, Medium, Outlet, Tally, To};
+use super::notes::Notes;
+use super::{Arrival, Medium, Note, NoteKind, Outlet, Tally, To};
 
 /// File that is read and written from its beginning.
 ///
@@ -24,6 +25,7 @@ pub(super) struct File {
     /// `true` if frames are lines, whose end is none of a value.
     is_text: bool,
     counts: Tally,
+    notes: Notes,
 }
 
 impl File {
@@ -47,6 +49,7 @@ impl File {
                 is_read: false,
                 is_text,
                 counts: Tally::default(),
+                notes: Notes::default(),
             }),
         }
     }
@@ -59,6 +62,7 @@ impl File {
             is_read: false,
             is_text: false,
             counts: Tally::default(),
+            notes: Notes::default(),
         }
     }
 }
@@ -88,8 +92,11 @@ impl Medium for File {
         let length = match reader.read_at(buffer, 0) {
             Ok(length) => length,
             Err(error) if is_gone(&error) => return Err(error),
-            Err(_) => {
+            Err(error) => {
                 self.counts.unreadable += 1;
+                (self.notes).add(NoteKind::Unreadable, &[], || {
+                    format!("it cannot be read: {error}")
+                });
                 0
             }
         };
@@ -97,7 +104,7 @@ impl Medium for File {
             true => buffer[..length].trim_ascii_end().len(),
             false => length,
         };
-        Ok(Some(Arrival { length, id: None }))
+        Ok(Some(Arrival::whole(length, None)))
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
@@ -114,6 +121,10 @@ impl Medium for File {
 
     fn counts(&self) -> Tally {
         self.counts
+    }
+
+    fn take_notes(&mut self) -> Vec<Note> {
+        self.notes.take()
     }
 }
 

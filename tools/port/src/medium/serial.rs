@@ -1,11 +1,12 @@
 //! Serial lines.
 
 use std::fs::{File, OpenOptions};
-use std::io;
-use std::os::unix::fs::OpenOptionsExt;
+use std::io::{self, ErrorKind};
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 
 use hil_config::port::{MediumKind, Parity};
 use rustix::fs::{FlockOperation, OFlags, flock};
+use rustix::io::Errno;
 use rustix::termios::{
     ControlModes, OptionalActions, QueueSelector, tcflush, tcgetattr, tcsetattr,
 };
@@ -24,7 +25,7 @@ pub(super) fn open(kind: &MediumKind) -> io::Result<File> {
         stop_bits,
     } = kind
     else {
-        return Err(io::ErrorKind::InvalidInput.into());
+        return Err(ErrorKind::InvalidInput.into());
     };
     // Without NOCTTY the line would become the terminal of the session.
     let flags = OFlags::NONBLOCK | OFlags::NOCTTY;
@@ -32,9 +33,11 @@ pub(super) fn open(kind: &MediumKind) -> io::Result<File> {
         .read(true)
         .write(true)
         .custom_flags(flags.bits().cast_signed())
-        .open(device)?;
-    flock(&line, FlockOperation::NonBlockingLockExclusive)?;
-    let mut settings = tcgetattr(&line)?;
+        .open(device)
+        .map_err(|error| in_words(device, error))?;
+    flock(&line, FlockOperation::NonBlockingLockExclusive)
+        .map_err(|error| in_words(device, error.into()))?;
+    let mut settings = tcgetattr(&line).map_err(|error| in_words(device, error.into()))?;
     settings.make_raw();
     settings.set_speed(*baud)?;
     let modes = &mut settings.control_modes;
@@ -53,8 +56,64 @@ pub(super) fn open(kind: &MediumKind) -> io::Result<File> {
     if *stop_bits == 2 {
         modes.insert(ControlModes::CSTOPB);
     }
-    tcsetattr(&line, OptionalActions::Now, &settings)?;
+    tcsetattr(&line, OptionalActions::Now, &settings)
+        .map_err(|error| in_words(device, error.into()))?;
     // What was sent before is not of this run.
     tcflush(&line, QueueSelector::IFlush)?;
     Ok(line)
+}
+
+/// Says how to mend an error of a line, where that is known.
+fn in_words(device: &str, error: io::Error) -> io::Error {
+    let text = match error.kind() {
+        ErrorKind::NotFound => {
+            "there is no such device; see `ls /dev/tty* /dev/serial/by-id`".into()
+        }
+        ErrorKind::PermissionDenied => match std::fs::metadata(device) {
+            Ok(of_device) => format!(
+                "this user may not open it: it belongs to user {}, group {}, and has the mode {:o}",
+                of_device.uid(),
+                of_device.gid(),
+                of_device.mode() & 0o777
+            ),
+            Err(_) => return error,
+        },
+        ErrorKind::WouldBlock | ErrorKind::ResourceBusy => {
+            "another program uses it; see `fuser` or `lsof`".into()
+        }
+        _ if Errno::from_io_error(&error) == Some(Errno::NOTTY) => "it is no serial line".into(),
+        _ => return error,
+    };
+    io::Error::new(error.kind(), text)
+}
+
+#[cfg(test)]
+mod tests {
+    use hil_config::port::Parity;
+
+    use super::*;
+
+    fn refusal(device: &str) -> String {
+        let kind = MediumKind::Serial {
+            device: device.into(),
+            baud: 9600,
+            parity: Parity::None,
+            data_bits: 8,
+            stop_bits: 1,
+        };
+        open(&kind).expect_err("no line").to_string()
+    }
+
+    #[test]
+    fn a_device_that_is_no_line_is_busy_or_is_absent_is_refused_with_the_reason() {
+        assert_eq!(refusal("/dev/null"), "it is no serial line");
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("line");
+        let device = path.to_str().expect("text");
+        assert!(refusal(device).starts_with("there is no such device"));
+        let file = File::create(&path).expect("a file");
+        assert_eq!(refusal(device), "it is no serial line");
+        file.lock().expect("a lock");
+        assert!(refusal(device).starts_with("another program uses it"));
+    }
 }

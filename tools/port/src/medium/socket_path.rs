@@ -65,6 +65,11 @@ impl Drop for SocketPath {
     }
 }
 
+/// Returns `true` if a path leads to a socket, or to nothing yet.
+pub(super) fn is_socket_or_free(path: &Path) -> bool {
+    std::fs::metadata(path).map_or(true, |of_path| of_path.file_type().is_socket())
+}
+
 /// Returns `true` if two paths lead to one file.
 pub(super) fn is_same(one: &Path, other: &Path) -> bool {
     let of = |path| std::fs::metadata(path).ok().as_ref().map(identity);

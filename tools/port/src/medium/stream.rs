@@ -1,7 +1,8 @@
 //! Streams of bytes: TCP, sockets of this machine and serial lines. Frames are cut out of them.
 
-use std::fs::File;
-use std::io::{self, ErrorKind, Read, Write};
+mod end;
+
+use std::io::{self, ErrorKind};
 use std::mem::take;
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
@@ -19,8 +20,10 @@ use rustix::net::{
 
 use super::cut::Cut;
 use super::datagram::nothing;
+use super::notes::{MOST_BYTES, Notes};
 use super::socket_path::SocketPath;
-use super::{Arrival, LONGEST, Medium, Outlet, Tally, To};
+use super::{Arrival, LONGEST, Medium, Note, NoteKind, Outlet, Tally, To};
+use end::End;
 
 /// Time between two attempts to connect.
 const RETRY: Duration = Duration::from_millis(20);
@@ -44,19 +47,16 @@ enum Source {
     Line,
 }
 
-/// Connected end.
-#[derive(Debug)]
-enum End {
-    Tcp(TcpStream),
-    Unix(UnixStream),
-    Line(File),
-}
-
 /// Stream of bytes with one peer at a time; a peer that disconnects may come again.
 #[derive(Debug)]
 pub(super) struct Stream {
     source: Source,
     end: Option<End>,
+    /// Client that has connected beside the peer. Its turn comes when the peer is gone, which a peer that starts again
+    /// needs: its new connection may be there before the end of the old one.
+    next: Option<End>,
+    /// First such client.
+    first_other: Option<String>,
     /// Attempt to connect that has not ended yet, and when it began.
     attempt: Option<(OwnedFd, Instant)>,
     /// Bytes of the last frame that the peer has not taken yet. Half a frame would spoil the next one.
@@ -68,10 +68,13 @@ pub(super) struct Stream {
     /// `true` inside of a line that is too long, up to its end.
     is_in_long_line: bool,
     cut: Cut,
+    /// Number of the connection on which a frame was sent last.
+    sent_on: u64,
     /// Time of the last attempt to connect.
     tried: Option<Instant>,
     was_connected: bool,
     counts: Tally,
+    notes: Notes,
 }
 
 impl Stream {
@@ -79,15 +82,19 @@ impl Stream {
         Self {
             source,
             end,
+            next: None,
+            first_other: None,
             attempt: None,
             rest: Vec::new(),
             arrived: Vec::with_capacity(4 * LONGEST),
             last: Vec::new(),
             is_in_long_line: false,
             cut,
+            sent_on: 0,
             tried: None,
             was_connected: false,
             counts: Tally::default(),
+            notes: Notes::default(),
         }
     }
 
@@ -115,7 +122,7 @@ impl Stream {
         Ok(Self::new(source, None, cut))
     }
 
-    pub(super) fn serial(line: File, cut: Cut) -> Self {
+    pub(super) fn serial(line: std::fs::File, cut: Cut) -> Self {
         Self::new(Source::Line, Some(End::Line(line)), cut)
     }
 
@@ -129,15 +136,56 @@ impl Stream {
         Self::new(Source::Line, Some(End::Unix(end)), Cut::Lengths(Vec::new()))
     }
 
+    /// Accepts a client; `None` if the source is none of clients.
+    fn accept(&self) -> Option<io::Result<End>> {
+        match &self.source {
+            Source::TcpAt(listener) => Some(listener.accept().map(|(stream, _)| End::Tcp(stream))),
+            Source::UnixAt { listener, .. } => {
+                Some(listener.accept().map(|(stream, _)| End::Unix(stream)))
+            }
+            Source::Line | Source::TcpTo(_) | Source::UnixTo(_) => None,
+        }
+    }
+
+    /// Looks for a client beside the peer, which is named and waits for its turn.
+    fn look_for_another(&mut self) {
+        let is_soon = self.tried.is_some_and(|at| at.elapsed() < RETRY);
+        let (Some(end), None, false) = (&self.end, &self.next, is_soon) else {
+            return;
+        };
+        let Some(result) = self.accept() else {
+            return;
+        };
+        self.tried = Some(Instant::now());
+        // Without a client nothing is to be done; an error is one of a client that is gone.
+        let Ok(another) = result else {
+            return;
+        };
+        self.counts.strangers += 1;
+        if self.first_other.is_none() {
+            let other = another.other();
+            self.notes.add(NoteKind::OtherSender, &[], || {
+                let peer = end.other();
+                format!("{other} has connected beside the peer, {peer}, and waits until that one is gone")
+            });
+            self.first_other = Some(other);
+        }
+        self.next = Some(another);
+    }
+
     /// Returns a connection if there is one now, and never waits for it.
     fn dial(&mut self) -> io::Result<End> {
+        if let Some(next) = self.next.take() {
+            return Ok(next);
+        }
+        if let Some(result) = self.accept() {
+            return result;
+        }
         let is_soon = self.tried.is_some_and(|at| at.elapsed() < RETRY);
         match &self.source {
-            Source::TcpAt(listener) => listener.accept().map(|(stream, _)| End::Tcp(stream)),
-            Source::UnixAt { listener, .. } => {
-                listener.accept().map(|(stream, _)| End::Unix(stream))
+            Source::Line | Source::TcpAt(_) | Source::UnixAt { .. } => {
+                Err(ErrorKind::UnexpectedEof.into())
             }
-            Source::Line => Err(ErrorKind::UnexpectedEof.into()),
             Source::TcpTo(_) | Source::UnixTo(_) if self.attempt.is_none() && is_soon => {
                 Err(ErrorKind::WouldBlock.into())
             }
@@ -182,18 +230,15 @@ impl Stream {
         let end = self.dial();
         match end {
             Ok(end) => {
-                match &end {
-                    // A frame must not wait for the next one.
-                    End::Tcp(stream) => {
-                        // Without a listener a port of this machine may connect to itself.
-                        if stream.local_addr()? == stream.peer_addr()? {
-                            return Ok(());
-                        }
-                        stream.set_nodelay(true)?;
-                        stream.set_nonblocking(true)?;
-                    }
-                    End::Unix(stream) => stream.set_nonblocking(true)?,
-                    End::Line(_) => {}
+                if !end.prepare()? {
+                    return Ok(());
+                }
+                if self.was_connected {
+                    self.counts.new_peers += 1;
+                    let peer = end.other();
+                    self.notes.add(NoteKind::NewPeer, &[], || {
+                        format!("{peer} is connected after the peer before")
+                    });
                 }
                 self.end = Some(end);
                 // Nothing of the peer before is part of a frame of this one.
@@ -201,7 +246,6 @@ impl Stream {
                 self.arrived.clear();
                 self.last.clear();
                 self.is_in_long_line = false;
-                self.counts.new_peers += u64::from(self.was_connected);
                 self.was_connected = true;
                 Ok(())
             }
@@ -211,6 +255,13 @@ impl Stream {
     }
 
     fn skip(&mut self, count: usize) {
+        if count == 0 {
+            return;
+        }
+        let skipped = &self.arrived[..count];
+        // More of them may follow, so that their number says nothing.
+        let beginning = &skipped[..count.min(MOST_BYTES)];
+        (self.notes).add(NoteKind::NoFrame, beginning, || self.cut.describe(skipped));
         self.counts.skipped_bytes += count as u64;
         self.arrived.drain(..count);
     }
@@ -224,13 +275,10 @@ impl Stream {
 
     /// Writes as many bytes as the peer takes now, and returns their number.
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        let result = match &mut self.end {
-            Some(End::Tcp(stream)) => stream.write(bytes),
-            Some(End::Unix(stream)) => stream.write(bytes),
-            Some(End::Line(line)) => line.write(bytes),
-            None => return Ok(0),
+        let Some(end) = &mut self.end else {
+            return Ok(0);
         };
-        match result {
+        match end.write(bytes) {
             Err(error)
                 if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::Interrupted) =>
             {
@@ -268,13 +316,7 @@ impl Stream {
         };
         let begin = self.arrived.len();
         self.arrived.resize(begin + LONGEST, 0);
-        let free = &mut self.arrived[begin..];
-        let result = match end {
-            End::Tcp(stream) => stream.read(free),
-            End::Unix(stream) => stream.read(free),
-            End::Line(line) => line.read(free),
-        };
-        let count = match result {
+        let count = match end.read(&mut self.arrived[begin..]) {
             Ok(0) => {
                 self.disconnect();
                 0
@@ -333,11 +375,19 @@ impl Medium for Stream {
             return Ok(false);
         }
         self.rest.extend_from_slice(&bytes[count..]);
+        self.sent_on = self.counts.new_peers;
         Ok(true)
+    }
+
+    /// Returns `true` if another peer is connected than the one that got the last frame, which that one cannot answer any
+    /// more.
+    fn has_reached_nobody(&self, _: Option<CanId>, _: &[u8]) -> bool {
+        self.end.is_some() && self.sent_on != self.counts.new_peers
     }
 
     fn receive(&mut self, buffer: &mut [u8]) -> io::Result<Option<Arrival>> {
         self.connect()?;
+        self.look_for_another();
         self.continue_frame()?;
         for _ in 0..MOST_READS {
             let is_line = self.cut == Cut::Line;
@@ -365,7 +415,7 @@ impl Medium for Stream {
                     false => kept,
                 };
                 if length > 0 {
-                    return Ok(Some(Arrival { length, id: None }));
+                    return Ok(Some(Arrival::whole(length, None)));
                 }
             } else if skip == 0 {
                 if is_line && self.arrived.len() > LONGEST {
@@ -386,10 +436,8 @@ impl Medium for Stream {
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
-        match (&self.end, &self.source) {
-            (Some(End::Tcp(stream)), _) => Some(stream.as_fd()),
-            (Some(End::Unix(stream)), _) => Some(stream.as_fd()),
-            (Some(End::Line(line)), _) => Some(line.as_fd()),
+        match (self.end.as_ref().or(self.next.as_ref()), &self.source) {
+            (Some(end), _) => Some(end.fd()),
             (None, Source::TcpAt(listener)) => Some(listener.as_fd()),
             (None, Source::UnixAt { listener, .. }) => Some(listener.as_fd()),
             (None, _) => None,
@@ -397,13 +445,8 @@ impl Medium for Stream {
     }
 
     fn outlet(&self) -> Option<Outlet<'_>> {
-        let fd = match self.end.as_ref()? {
-            End::Tcp(stream) => stream.as_fd(),
-            End::Unix(stream) => stream.as_fd(),
-            End::Line(line) => line.as_fd(),
-        };
         Some(Outlet {
-            fd,
+            fd: self.end.as_ref()?.fd(),
             to: To::Connected,
             connection: self.counts.new_peers,
         })
@@ -419,6 +462,14 @@ impl Medium for Stream {
 
     fn counts(&self) -> Tally {
         self.counts
+    }
+
+    fn first_other(&self) -> Option<&str> {
+        self.first_other.as_deref()
+    }
+
+    fn take_notes(&mut self) -> Vec<Note> {
+        self.notes.take()
     }
 }
 

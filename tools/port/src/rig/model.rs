@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use hil_config::port::counts::Counts;
 use hil_config::port::{Carries, Port};
+use hil_session::program::say;
 use plant_process::plant::Model;
 use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
@@ -18,7 +19,7 @@ use super::description::aged;
 use crate::far_end::{FarEnd, Opening};
 use crate::keeper::Keeper;
 use crate::peer::{Peer, longest_wait};
-use crate::wire;
+use crate::wire::{self, Wire};
 
 /// Opened port in front of a plant.
 pub struct Rig {
@@ -33,6 +34,8 @@ pub struct Rig {
     limit: Duration,
     /// Time at which the last accepted frame was received.
     heard: Instant,
+    /// Traffic until then.
+    traffic: u64,
 }
 
 impl Rig {
@@ -59,6 +62,7 @@ impl Rig {
             port: Arc::clone(port),
             limit: longest_wait(opening.wait_limit_s),
             heard: Instant::now(),
+            traffic: 0,
         })
     }
 
@@ -78,7 +82,7 @@ impl Rig {
                 wire.wait(until).map_err(|error| error.to_string())?;
                 wire.receive().map_err(|error| error.to_string())?;
                 if wire.has_heard() {
-                    self.heard = Instant::now();
+                    self.note_heard();
                     return self.follow();
                 }
             }
@@ -87,6 +91,11 @@ impl Rig {
             }
             self.check_far_end()?;
         }
+    }
+
+    /// Notes that a frame was accepted.
+    fn note_heard(&mut self) {
+        (self.heard, self.traffic) = (Instant::now(), self.far_end.wire.traffic());
     }
 
     /// Checks that the far end is there.
@@ -98,10 +107,11 @@ impl Rig {
             return Ok(());
         }
         Err(format!(
-            "the far end of port `{}` sent no valid frame for {:.3} s: {}",
+            "the far end of port `{}` sent no valid frame for {:.3} s: {}{}",
             self.port.name,
             self.limit.as_secs_f64(),
-            self.far_end.wire.places()
+            self.far_end.wire.places(),
+            self.far_end.wire.others(self.traffic, self.heard.elapsed())
         ))
     }
 
@@ -111,7 +121,7 @@ impl Rig {
         wire.begin();
         wire.receive().map_err(|error| error.to_string())?;
         if wire.has_heard() {
-            self.heard = Instant::now();
+            self.note_heard();
         }
         self.check_far_end()?;
         let row = self.far_end.wire.row();
@@ -129,7 +139,7 @@ impl Rig {
     /// Sends the command of a step.
     fn send(&mut self, step: u64, command: &[f64]) -> Result<(), String> {
         if self.keeper.is_gone() {
-            self.send_safe_frames();
+            send_safe_frames(&mut self.far_end.wire, &self.port, &self.safe);
             return Err(
                 "the keeper of the safe values ended; the port has sent them and ends the run"
                     .into(),
@@ -148,28 +158,36 @@ impl Rig {
         self.follow()
     }
 
-    /// Sends the safe values as often as the keeper would, which is gone.
-    fn send_safe_frames(&mut self) {
-        for _ in 0..self.port.safety.repeats {
-            let wire = &mut self.far_end.wire;
-            // A medium that is gone is no reason to give up the others.
-            let _ = wire.transmit(0, &self.safe, &SignalSet::EMPTY);
-            std::thread::sleep(Duration::from_secs_f64(self.port.safety.period_s));
-        }
-    }
-
     fn follow(&mut self) -> Result<(), String> {
         self.keeper.follow(&self.far_end.wire)
     }
 
-    /// Ends the port in order: the keeper sends the safe values, then the started program is ended. Returns the counts.
-    pub fn end(self) -> Counts {
-        self.keeper.end();
+    /// Ends the port in order: the keeper sends the safe values, or else the port, then the started program is ended.
+    /// Returns the counts.
+    pub fn end(mut self) -> Counts {
+        let safety = &self.port.safety;
+        let pauses = safety.repeats.saturating_sub(1);
+        let frames = Duration::from_secs_f64(safety.period_s * f64::from(pauses));
+        if let Err(error) = self.keeper.end(frames) {
+            send_safe_frames(&mut self.far_end.wire, &self.port, &self.safe);
+            say(&format!(
+                "{error}; the port has sent the safe values itself, and a watchdog stays armed"
+            ));
+        }
         Counts {
             // Hardware keeps a clock of its own.
             repeatable: false,
             ..self.far_end.wire.counts()
         }
+    }
+}
+
+/// Sends the safe values as often as the keeper would, which is gone.
+fn send_safe_frames(wire: &mut Wire, port: &Port, safe: &[f64]) {
+    for _ in 0..port.safety.repeats {
+        // A medium that is gone is no reason to give up the others.
+        let _ = wire.transmit(0, safe, &SignalSet::EMPTY);
+        std::thread::sleep(Duration::from_secs_f64(port.safety.period_s));
     }
 }
 

@@ -223,3 +223,34 @@ fn a_counter_that_jumps_is_an_answer_of_a_controller_and_no_sign_of_a_plant() {
         }
     }
 }
+
+#[test]
+fn frames_behind_an_answer_wait_for_the_next_step() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let peer = UdpSocket::bind("127.0.0.1:0").expect("a socket");
+    let to = peer.local_addr().expect("an address");
+    let text = [
+        format!("[[media]]\nkind = \"udp\"\nto = \"{to}\"\n"),
+        frame("motion", "sample", "measured.a"),
+        frame("drive", "command", "command.b"),
+    ];
+    let mut wire = wire(folder.path(), &text.concat());
+    for (step, value) in [(0, 1.0), (1, 2.0)] {
+        wire.send(step, &[0.0], &SignalSet::default())
+            .expect("sent");
+        let mut buffer = [0; 16];
+        let (_, own) = peer.recv_from(&mut buffer).expect("a sample");
+        peer.send_to(b"early", own).expect("sent");
+        peer.send_to(&f64::to_le_bytes(value), own).expect("sent");
+        peer.send_to(b"late", own).expect("sent");
+        peer.send_to(&f64::to_le_bytes(9.0), own).expect("sent");
+        wire.receive_answers(step).expect("received");
+        assert_eq!(wire.awaited(step), None);
+        assert_eq!(
+            (wire.row().values()[0], wire.row().is_valid(0)),
+            (value, true)
+        );
+    }
+    let counts = &wire.counts().frames[1];
+    assert_eq!((counts.accepted, counts.refused, counts.unasked), (3, 3, 1));
+}

@@ -9,6 +9,7 @@ use controller_process::controller::LawKind;
 use plant_process::plant::PlantKind;
 use pyo3::prelude::*;
 
+use crate::agent::Agent;
 use crate::side;
 
 /// Kinds by the address of their class, which stays valid because the kind holds the class.
@@ -25,12 +26,15 @@ pub(crate) fn plant(class: &Bound<'_, PyAny>) -> PyResult<&'static PlantKind> {
     known(&PLANTS, class, side::plant_kind)
 }
 
-/// Returns the law of a class.
+/// Returns the law of a class, or of an agent.
 ///
 /// # Errors
 /// If the class is no law.
 pub(crate) fn law(class: &Bound<'_, PyAny>) -> PyResult<&'static LawKind> {
-    known(&LAWS, class, side::law_kind)
+    match class.cast::<Agent>() {
+        Ok(agent) => Ok(agent.get().kind()),
+        Err(_) => known(&LAWS, class, side::law_kind),
+    }
 }
 
 fn known<T>(

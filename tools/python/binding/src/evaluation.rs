@@ -33,7 +33,7 @@ pub(crate) fn evaluate_points(
     let check = |place: usize| {
         let all = [&flags[..], &points[place]].concat();
         let checked = scenario::read(path.clone(), &all, (None, None))?;
-        checked.map(|checked| refuse_clock(checked)).transpose()
+        checked.map(refuse_clock).transpose()
     };
     let interruption = Interruption::default();
     let checked = in_parallel(py, points.len(), workers, &interruption, check)?;

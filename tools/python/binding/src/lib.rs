@@ -7,11 +7,13 @@
 //! 4. [`side`] makes plants and laws of Python classes, and is the process of such a side; [`class`](mod@class) keeps
 //!    those of sessions.
 //! 5. [`evaluation`] runs a scenario at many points, on all cores.
+//! 6. [`agent`] chooses the commands of a session in place of a law, for environments of agents that learn.
 //!
 //! [`bound`] keeps what is not made for several threads in the thread that made it, and [`failure`] turns the failures
 //! of `hil` into the exceptions of `hil.errors`. A session installs no signal handler, and starts neither thread nor
 //! process.
 
+mod agent;
 mod bound;
 mod class;
 mod evaluation;
@@ -30,6 +32,8 @@ use pyo3::pymodule;
 mod _native {
     use pyo3::prelude::*;
 
+    #[pymodule_export]
+    use crate::agent::{Agent, play};
     #[pymodule_export]
     use crate::evaluation::evaluate_points;
     #[pymodule_export]

@@ -1,5 +1,6 @@
 //! Session in this process, as an object of Python.
 
+use std::cell::RefMut;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -11,6 +12,7 @@ use pyo3::exceptions::{PyKeyboardInterrupt, PyOverflowError};
 use pyo3::prelude::*;
 use shared_types::live::Request;
 use shared_types::record::ValueChange;
+use shared_types::table::Field;
 use shared_types::time::Step;
 
 use crate::bound::{Along, Bound as ThreadBound};
@@ -60,8 +62,21 @@ fn json(value: &impl serde::Serialize) -> PyResult<String> {
 }
 
 impl Session {
+    /// Returns the run for exclusive use.
+    ///
+    /// # Errors
+    /// As for [`Bound::get`](ThreadBound::get).
+    pub(crate) fn run(&self) -> PyResult<RefMut<'_, SteppedRun>> {
+        self.run.get()
+    }
+
     /// Executes steps up to `target` without the interpreter, and looks for signals now and then.
-    fn advance(&self, py: Python<'_>, run: &mut SteppedRun, target: Step) -> PyResult<()> {
+    pub(crate) fn advance(
+        &self,
+        py: Python<'_>,
+        run: &mut SteppedRun,
+        target: Step,
+    ) -> PyResult<()> {
         loop {
             let until_ns = monotonic_ns().saturating_add(BETWEEN_SIGNALS.as_nanos() as u64);
             let mut along = Along(&mut *run);
@@ -199,6 +214,17 @@ impl Session {
         let derived = run.plan().derived.iter();
         let derived = derived.map(|one| (one.name.clone(), one.unit.clone()));
         Ok([recorded.collect(), derived.collect()])
+    }
+
+    /// Returns name, least and greatest value of each command of the plant.
+    fn commands(&self) -> PyResult<Vec<(String, f64, f64)>> {
+        let run = self.run.get()?;
+        let model = &run.plan().plant.model;
+        let mut plants = run.described()[0].plants.iter();
+        let plant = plants.find(|plant| plant.name == *model);
+        let commands = plant.into_iter().flat_map(|plant| &plant.commands);
+        let row = |field: &Field| (field.name.clone(), field.min, field.max);
+        Ok(commands.map(row).collect())
     }
 
     /// Next step; after the end, the number of executed steps.

@@ -17,9 +17,9 @@ use super::form;
 use crate::{mark, unpack};
 
 /// Longest valid record of a file, packed or unpacked, in bytes; a larger size is damage.
-const LONGEST_RECORD: usize = 1 << 28;
+pub(super) const LONGEST_RECORD: usize = 1 << 28;
 /// Size of the opcode and length before each record, in bytes.
-const HEAD_BYTES: usize = 9;
+pub(super) const HEAD_BYTES: usize = 9;
 /// Byte that replaces lost data after a power failure.
 const ZEROS: u8 = 0;
 const NOT_AS_LONG: &str = "the length of a chunk differs from that in its header";
@@ -345,6 +345,12 @@ fn chunk_of(data: &[u8]) -> Result<(ChunkHeader, &[u8]), &'static str> {
     let (head, packed) = data.split_at(form::chunk_head(data).ok_or(without)?);
     let header = Cursor::new(head).read_le().map_err(|_| without)?;
     Ok((header, packed))
+}
+
+/// Unpacks a complete chunk, given with its head, and verifies its checksum.
+pub(super) fn unpack_chunk(data: &[u8], into: &mut Vec<u8>) -> Result<(), String> {
+    let (header, packed) = chunk_of(data)?;
+    unpack_whole(&header, packed, into)
 }
 
 /// Unpacks a complete chunk.

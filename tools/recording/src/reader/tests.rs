@@ -1,8 +1,10 @@
 use shared_types::record::{Outcome, RunEnd, Timing};
 
 use super::*;
-use crate::fixture::{Content, layout, record, recorded, taken};
+use crate::compression::Compression;
+use crate::fixture::{Content, chunked, layout, record, recorded, taken};
 use crate::writer::Attachment;
+use shared_types::time::Step;
 
 #[test]
 fn a_recording_is_read_back_unchanged() {
@@ -162,4 +164,49 @@ fn a_schema_of_absurd_width_is_refused() {
     }
     let widest = "uint64 step\nuint64[1024] sample_invalid\n";
     assert_eq!(schema::columns_of(widest).map(|all| all.len()), Some(1025));
+}
+
+#[test]
+fn a_span_is_read_from_the_chunks_that_contain_it() {
+    const TIME: usize = 9;
+    let row = |step: u64| {
+        let mut row = record(step, step as f64, -1.0);
+        row[TIME] = step * 1_000_000; // at 1000 Hz
+        row
+    };
+    let contents: Vec<Content> = (0..40_000).map(|step| Content::Record(row(step))).collect();
+    let folder = chunked(&layout(), &contents, Vec::new(), Compression::Lz4, 5000);
+    let reader = RunReader::open(&folder).expect("opens");
+    let spans = SpanReader::of(&reader).expect("located");
+    let read = |first: u64, last: u64| {
+        let mut rows = Vec::new();
+        let count = spans.read(Step(first), Step(last), |words| rows.push(words.to_vec()));
+        (rows, count)
+    };
+    let (rows, all) = read(0, 40_000);
+    let all = all.expect("read");
+    assert_eq!(rows, (0..40_000).map(row).collect::<Vec<_>>());
+    assert!(all >= 8, "{all} chunks");
+    let (rows, some) = read(20_000, 20_002);
+    assert_eq!(rows, [row(20_000), row(20_001), row(20_002)]);
+    assert!(some.expect("read") <= 2);
+    assert_eq!(read(40_000, 50_000).0, Vec::<Vec<u64>>::new());
+
+    // A changed bit in the first chunk is found there, and nowhere else.
+    let path = folder.join(RECORDING);
+    let mut bytes = std::fs::read(&path).expect("the file");
+    let first = bytes.len() / (2 * all);
+    bytes[first] ^= 1;
+    std::fs::write(&path, &bytes).expect("written");
+    assert!(read(20_000, 20_002).1.is_ok());
+    assert!(read(0, 1).1.is_err());
+    // A truncated file is read up to its last complete chunk.
+    bytes[first] ^= 1;
+    std::fs::write(&path, &bytes[..bytes.len() * 7 / 10]).expect("written");
+    let spans = SpanReader::of(&RunReader::open(&folder).expect("opens")).expect("located");
+    let mut last = 0;
+    spans
+        .read(Step(0), Step(40_000), |words| last = words[0])
+        .expect("read");
+    assert!((20_000..39_000).contains(&last), "{last}");
 }

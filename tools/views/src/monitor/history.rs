@@ -153,6 +153,14 @@ impl History {
         ranges
     }
 
+    /// Returns the length of the shortest intervals, as a power of two, that are kept of steps of this age.
+    pub(crate) fn kept_shift(age: u64) -> u32 {
+        // The newest bin of a level may have replaced the oldest one already.
+        let is_kept = |level: &u32| (age >> (SHIFT * level)) + 2 < BINS;
+        let level = (0..LEVELS as u32).find(is_kept);
+        SHIFT * level.unwrap_or(LEVELS as u32 - 1)
+    }
+
     /// Returns the extremes of `count` intervals of `2^shift` steps each, beginning with index `first`; `None` where no
     /// value was recorded or the value was overwritten. Exact, because intervals are aligned to bins.
     pub(crate) fn stretches(

@@ -12,8 +12,11 @@ use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
 use shared_types::live::{Possible, Request, Response};
 use shared_types::record::RecordLayout;
+use tungstenite::Message;
 
-use super::message::Action;
+use super::archive::Archive;
+use super::kept;
+use super::message::{Action, ClientMessage};
 use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::monitor::prepared::{self, PreparedFault};
@@ -32,6 +35,8 @@ pub(crate) struct Board {
     pub(super) session: SessionInfo,
     pub(super) model: SharedModel,
     pub(super) buttons: Vec<Button>,
+    /// Recorded run that is laid over this one.
+    over: Option<Archive>,
     /// Initial width of the time axis in s.
     pub(super) window_s: f64,
     /// Faults and signals of the session, once it has answered.
@@ -47,11 +52,13 @@ impl Board {
         model: SharedModel,
         buttons: Vec<Button>,
         window_s: f64,
+        over: Option<Archive>,
     ) -> Self {
         Self {
             session,
             model,
             buttons,
+            over,
             window_s,
             possible: OnceLock::new(),
             doing: Mutex::new(()),
@@ -60,7 +67,7 @@ impl Board {
     }
 
     /// Marks the end of the service.
-    pub(crate) fn end(&self) {
+    pub(super) fn end(&self) {
         self.is_over.store(true, Ordering::Release);
     }
 
@@ -119,8 +126,20 @@ impl Board {
             "plots": plots.collect::<Vec<_>>(),
             "readings": (!readings.is_empty()).then_some(readings),
             "window_s": self.window_s,
+            "over": self.over.as_ref().map(Archive::label),
             "buttons": self.buttons.iter().map(|one| json!({"label": one.label, "words": one.fault.words})).collect::<Vec<_>>(),
         }))
+    }
+
+    /// Answers a page that looks back or measures; `None` if there is nothing to answer.
+    pub(super) fn answer(&self, message: &ClientMessage) -> Option<Message> {
+        let model = self.model.lock();
+        if let (true, Some(over)) = (message.is_of_other_run(), &self.over) {
+            let names: Vec<String> = model.drawn().map(|(_, one)| one.name.clone()).collect();
+            drop(model);
+            return over.answer(message, &names);
+        }
+        kept::answer(&model, message)
     }
 
     /// Describes the faults that the session supports.

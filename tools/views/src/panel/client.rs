@@ -3,7 +3,6 @@
 //! There is no queue of points. Once the page has taken the last points, the next points are made from the current
 //! model: a slow page gets fewer points, never older ones, and a page that reads nothing costs nothing.
 
-use std::io::ErrorKind;
 use std::net::TcpStream;
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, channel, sync_channel};
@@ -11,15 +10,13 @@ use std::time::{Duration, Instant};
 
 use hil_session::clock::monotonic_ns;
 use serde_json::Value;
-use tungstenite::protocol::CloseFrame;
-use tungstenite::protocol::frame::coding::CloseCode;
-use tungstenite::{Bytes, Error, Message, WebSocket};
+use tungstenite::{Error, WebSocket};
 
 use super::board::Board;
 use super::message::{self, Action, ClientMessage, View};
+use super::server::Source;
+use super::wire::{LISTEN, Wire};
 
-/// Polling interval for messages of the page.
-const LISTEN: Duration = Duration::from_millis(8);
 /// Minimum interval between two messages with points.
 const POINTS: Duration = Duration::from_millis(34);
 /// Maximum bytes of points per second; larger messages are sent less often.
@@ -32,15 +29,10 @@ const STATE: Duration = Duration::from_millis(150);
 const TUNABLE: Duration = Duration::from_millis(500);
 /// Interval after which an unchanged state is sent again, as a sign of life for the page.
 const ALIVE: Duration = Duration::from_secs(5);
-/// Interval between two pings to the page, and time limit for the reply.
-const PING: Duration = Duration::from_secs(5);
-const SILENT: Duration = Duration::from_secs(30);
 /// Maximum number of queued actions.
 const ACTIONS: usize = 8;
 /// Maximum number of a page's messages handled at a time.
 const AT_ONCE: usize = 32;
-/// Time limit for a page to receive the end.
-const END_LIMIT: Duration = Duration::from_secs(2);
 
 /// Query or action that awaits the session's answer.
 enum Errand {
@@ -50,8 +42,18 @@ enum Errand {
     AskTunable,
 }
 
+impl Source for Board {
+    fn serve(self: Arc<Self>, socket: WebSocket<TcpStream>) {
+        let _ = Client::new(socket, &self).serve(); // a disconnected page is not an error
+    }
+
+    fn end(&self) {
+        Self::end(self);
+    }
+}
+
 pub(crate) struct Client<'a> {
-    socket: WebSocket<TcpStream>,
+    wire: Wire,
     board: &'a Arc<Board>,
     view: View,
     /// Number of the points sent last, and of the points acknowledged last.
@@ -59,9 +61,6 @@ pub(crate) struct Client<'a> {
     seen: u32,
     /// Edition of the log, and the number of events sent.
     logged: (u32, usize),
-    /// `true` while the socket's buffer is full.
-    is_full: bool,
-    heard_at: Instant,
     work: SyncSender<Errand>,
     answers: Receiver<String>,
 }
@@ -92,14 +91,12 @@ impl<'a> Client<'a> {
         });
         let rate = board.model.lock().rate();
         Self {
-            socket,
+            wire: Wire::new(socket),
             board,
             view: View::new(0, board.window_s, rate),
             sent: 0,
             seen: 0,
             logged: (0, 0),
-            is_full: false,
-            heard_at: Instant::now(),
             work,
             answers,
         }
@@ -113,27 +110,20 @@ impl<'a> Client<'a> {
         let mut state = Value::Null;
         let mut is_described = false;
         let now = Instant::now();
-        let (mut state_at, mut points_at, mut ping_at) = (now, now, now + PING);
+        let (mut state_at, mut points_at) = (now, now);
         let mut told_at = now;
         let (mut retunings, mut tunable_at) = (None, now);
         loop {
             self.listen()?;
             let now = Instant::now();
-            if now > self.heard_at + SILENT {
-                return Err(Error::ConnectionClosed);
-            }
-            self.flush()?;
-            if now > ping_at {
-                ping_at = now + PING;
-                self.say(Message::Ping(Bytes::new()))?;
-            }
-            if !self.is_full {
+            self.wire.tend()?;
+            if !self.wire.is_full() {
                 if let (false, Some(about)) = (is_described, self.board.about()) {
                     is_described = true;
-                    self.say(about.to_string().into())?;
+                    self.wire.say(about.to_string().into())?;
                 }
                 while let Ok(answer) = self.answers.try_recv() {
-                    self.say(answer.into())?;
+                    self.wire.say(answer.into())?;
                     state_at = now; // it may have changed
                 }
                 if now >= state_at || self.board.is_over() {
@@ -144,10 +134,10 @@ impl<'a> Client<'a> {
                     let newest = message::state(&model, monotonic_ns());
                     drop(model);
                     if let Some(log) = log.flatten() {
-                        self.say(log.to_string().into())?;
+                        self.wire.say(log.to_string().into())?;
                     }
                     if newest != state || now > told_at + ALIVE {
-                        self.say(newest.to_string().into())?;
+                        self.wire.say(newest.to_string().into())?;
                         (state, told_at) = (newest, now);
                     }
                 }
@@ -185,91 +175,51 @@ impl<'a> Client<'a> {
         let Some(points) = points else { return Ok(0) };
         let size = points.len();
         self.sent = number;
-        self.say(points.into())?;
+        self.wire.say(points.into())?;
         Ok(size)
-    }
-
-    /// Sends a message now or as soon as the socket accepts it.
-    fn say(&mut self, message: Message) -> Result<(), Error> {
-        match self.socket.send(message) {
-            Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => {
-                self.is_full = true;
-                Ok(())
-            }
-            other => other,
-        }
-    }
-
-    fn flush(&mut self) -> Result<(), Error> {
-        match self.socket.flush() {
-            Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => {
-                self.is_full = true;
-                Ok(())
-            }
-            other => {
-                self.is_full = false;
-                other
-            }
-        }
     }
 
     /// Handles the page's messages.
     fn listen(&mut self) -> Result<(), Error> {
         for _ in 0..AT_ONCE {
-            let text = match self.socket.read() {
-                Ok(Message::Text(text)) => text,
-                Ok(Message::Binary(_)) => return Err(Error::ConnectionClosed),
-                Ok(_) => {
-                    self.heard_at = Instant::now();
-                    continue;
-                }
-                Err(Error::Io(error)) if error.kind() == ErrorKind::WouldBlock => return Ok(()),
-                Err(error) => return Err(error),
+            let Some(message) = self.wire.next()? else {
+                return Ok(());
             };
-            self.heard_at = Instant::now();
-            match message::parse(&text) {
-                Ok(ClientMessage::View { number, window_s }) => {
+            match message {
+                ClientMessage::View { number, window_s } => {
                     let rate = self.board.model.lock().rate();
                     self.view = View::new(number, window_s, rate);
                 }
-                Ok(ClientMessage::Seen { number }) => {
+                ClientMessage::Seen { number } => {
                     // Ignores numbers that were never sent.
                     if self.sent.wrapping_sub(number) <= UNDER_WAY {
                         self.seen = number;
                     }
                 }
-                Ok(ClientMessage::Do { number, action }) => {
+                ClientMessage::Do { number, action } => {
                     if let Err(TrySendError::Full(_)) =
                         self.work.try_send(Errand::Do(number, action))
                     {
                         let busy = Err("the session has not answered yet".into());
-                        self.say(message::answer(number, &busy).into())?;
+                        self.wire.say(message::answer(number, &busy).into())?;
                     }
                 }
-                Err(_) => return Err(Error::ConnectionClosed), // the panel's own page never sends that
+                other => {
+                    if let Some(answer) = self.board.answer(&other) {
+                        self.wire.say(answer)?;
+                    }
+                }
             }
         }
         Ok(())
     }
 
-    /// Announces the end and waits a limited time for the page to receive it.
+    /// Announces the end.
     fn part(&mut self) -> Result<(), Error> {
         let text = match self.board.model.lock().ending() {
             Some(_) => "the session has ended",
             None => "the panel was closed; the session continues",
         };
-        self.say(message::over(text).into())?;
-        let frame = CloseFrame {
-            code: CloseCode::Away,
-            reason: "".into(),
-        };
-        let _ = self.socket.close(Some(frame)); // the rest is flushed below
-        let since = Instant::now();
-        while since.elapsed() < END_LIMIT {
-            self.flush()?;
-            self.listen()?;
-            std::thread::sleep(LISTEN);
-        }
-        Ok(())
+        self.wire.part(text)
     }
 }

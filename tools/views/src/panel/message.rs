@@ -21,6 +21,12 @@ const STRETCHES: u64 = 800;
 const EVENTS: usize = 1000;
 /// Minimum and maximum window of a page in s.
 const WINDOWS_S: [f64; 2] = [1e-6, 1e6];
+/// Maximum number of stretches in an answer to a page.
+pub(super) const MOST_STRETCHES: u64 = 2048;
+/// Maximum number of signals in a request of a page.
+const SIGNALS: usize = 64;
+/// Last step that a page may name.
+const LAST_STEP: u64 = 1 << 40;
 /// First byte of a message with points.
 const POINTS: u64 = 1;
 
@@ -48,6 +54,43 @@ pub enum ClientMessage {
         /// Number of the points.
         number: u32,
     },
+    /// Requests signals over a part of the run.
+    Read {
+        /// Number, repeated in the answer.
+        number: u32,
+        /// First step.
+        from: u64,
+        /// Last step.
+        to: u64,
+        /// Maximum number of stretches: the page has room for so many.
+        most: u64,
+        /// Indices of the signals.
+        signals: Vec<usize>,
+        /// `true` for the run that is laid over the other.
+        #[serde(default)]
+        over: bool,
+    },
+    /// Requests figures of signals between two steps.
+    Measure {
+        /// Number, repeated in the answer.
+        number: u32,
+        /// First step.
+        from: u64,
+        /// Last step.
+        to: u64,
+        /// Indices of the signals.
+        signals: Vec<usize>,
+        /// `true` for the run that is laid over the other.
+        #[serde(default)]
+        over: bool,
+    },
+    /// Requests the times at which a formula of requirements holds.
+    Where {
+        /// Number, repeated in the answer.
+        number: u32,
+        /// Formula.
+        formula: String,
+    },
     /// Requests an action on the session.
     Do {
         /// Number, repeated in the answer.
@@ -55,6 +98,16 @@ pub enum ClientMessage {
         /// Action.
         action: Action,
     },
+}
+
+impl ClientMessage {
+    /// Returns `true` if the request is about the run that is laid over the other.
+    pub(super) const fn is_of_other_run(&self) -> bool {
+        matches!(
+            self,
+            Self::Read { over: true, .. } | Self::Measure { over: true, .. }
+        )
+    }
 }
 
 /// Action on a session.
@@ -121,8 +174,28 @@ pub fn parse(text: &str) -> Result<ClientMessage, String> {
         {
             Err("invalid time window".into())
         }
+        ClientMessage::Read {
+            from,
+            to,
+            most,
+            ref signals,
+            ..
+        } if !is_span(from, to, signals) || !(1..=MOST_STRETCHES).contains(&most) => {
+            Err("invalid part of the run".into())
+        }
+        ClientMessage::Measure {
+            from,
+            to,
+            ref signals,
+            ..
+        } if !is_span(from, to, signals) => Err("invalid part of the run".into()),
         message => Ok(message),
     }
+}
+
+/// Returns `true` if the steps are in order and the signals are few enough.
+fn is_span(from: u64, to: u64, signals: &[usize]) -> bool {
+    from <= to && to <= LAST_STEP && signals.len() <= SIGNALS
 }
 
 /// Encodes the result of an action.
@@ -230,6 +303,10 @@ mod tests {
         for text in [
             r#"{"ask":"view","number":1,"window_s":5}"#,
             r#"{"ask":"seen","number":7}"#,
+            r#"{"ask":"read","number":3,"from":0,"to":100,"most":800,"signals":[0,7]}"#,
+            r#"{"ask":"read","number":3,"from":0,"to":0,"most":1,"signals":[],"over":true}"#,
+            r#"{"ask":"measure","number":3,"from":5,"to":100,"signals":[1]}"#,
+            r#"{"ask":"where","number":3,"formula":"abs(truth.x_m) < 1"}"#,
             r#"{"ask":"do","number":1,"action":{"kind":"pause"}}"#,
             r#"{"ask":"do","number":2,"action":{"kind":"clear","fault":null}}"#,
             r#"{"ask":"do","number":2,"action":{"kind":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
@@ -249,6 +326,13 @@ mod tests {
             r#"{"ask":"do","number":1,"action":{"kind":"set","change":{"set":[],"file":"x"}}}"#,
             r#"{"ask":"do","number":1,"action":{"kind":"pause","at":3}}"#,
             r#"{"ask":"run","program":"sh"}"#,
+            r#"{"ask":"read","number":3,"from":9,"to":8,"most":800,"signals":[0]}"#,
+            r#"{"ask":"read","number":3,"from":0,"to":8,"most":0,"signals":[0]}"#,
+            r#"{"ask":"read","number":3,"from":0,"to":8,"most":5000,"signals":[0]}"#,
+            r#"{"ask":"read","number":3,"from":0,"to":2000000000000,"most":800,"signals":[0]}"#,
+            r#"{"ask":"read","number":3,"from":0,"to":8,"most":800,"signals":[-1]}"#,
+            r#"{"ask":"measure","number":3,"from":9,"to":8,"signals":[0]}"#,
+            r#"{"ask":"where","number":3,"formula":"x < 1","file":"/etc/passwd"}"#,
         ] {
             parse(text).expect_err(text);
         }

@@ -7,10 +7,21 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::request::Refused;
 use crate::offline_page::PAGE;
+use crate::pages::{CLOSER, CLOSER_STYLE};
 use crate::report::page::{UPLOT, UPLOT_STYLE};
 
-const SCRIPT: &str = include_str!("assets/panel.js");
+/// Parts of the page's own script, in order: they are the body of one function.
+const SCRIPT: [&str; 3] = [
+    include_str!("assets/panel.js"),
+    include_str!("assets/closer.js"),
+    include_str!("assets/connection.js"),
+];
 const STYLE: &str = include_str!("assets/panel.css");
+/// Returns the page's own script.
+fn script() -> String {
+    format!("\"use strict\";\n(() => {{\n{}}})();\n", SCRIPT.concat())
+}
+
 /// Headers of every response except the WebSocket upgrade.
 const HEADERS: &str = "Cache-Control: no-store\r\nReferrer-Policy: no-referrer\r\nX-Content-Type-Options: nosniff\r\nCross-Origin-Opener-Policy: same-origin\r\nCross-Origin-Resource-Policy: same-origin\r\nConnection: close\r\n";
 
@@ -61,7 +72,7 @@ fn page(nonce: &str) -> String {
                 meta name="viewport" content="width=device-width, initial-scale=1";
                 title { "hil panel" }
                 link rel="icon" href="data:,";
-                style nonce=(nonce) { (PreEscaped(UPLOT_STYLE)) (PreEscaped(STYLE)) }
+                style nonce=(nonce) { (PreEscaped(UPLOT_STYLE)) (PreEscaped(CLOSER_STYLE)) (PreEscaped(STYLE)) }
             }
             body {
                 a.skip href="#plots" { "Skip to the plots" }
@@ -71,21 +82,25 @@ fn page(nonce: &str) -> String {
                     aside #aside aria-label="Session" {
                         (readings())
                         (requirements())
-                        (tune())
+                        (occurrences())
+                        (branch())
                         (faults())
-                        (inject())
                         (log())
+                        (tune())
+                        (inject())
                     }
                 }
+                (measure())
                 noscript { p.note { "The panel needs a browser with JavaScript." } }
-                p #status .visually-hidden role="status" aria-live="polite" {}
+                p #status .toast role="status" aria-live="polite" {}
                 p #armed role="alert" hidden {
                     "Inject " code #armed-words {} "?" br;
                     kbd { "y" } " injects it, any other key cancels."
                 }
                 script nonce=(nonce) { (PreEscaped(UPLOT)) }
                 script nonce=(nonce) { (PreEscaped(PAGE)) }
-                script nonce=(nonce) { (PreEscaped(SCRIPT)) }
+                @for script in CLOSER { script nonce=(nonce) { (PreEscaped(script)) } }
+                script nonce=(nonce) { (PreEscaped(script())) }
             }
         }
     };
@@ -100,26 +115,40 @@ fn head() -> Markup {
                     span #state .badge { "connecting" }
                     h1 #scenario { "hil panel" }
                     span #session .hint {}
+                    span #over .hint hidden {}
                 }
                 div.progress {
-                    progress #progress max="1" value="0" aria-label="Progress of the run" {}
+                    progress #progress .of-session max="1" value="0" aria-label="Progress of the run" {}
                     span #time .n {}
                     span #speed .n.hint {}
                 }
             }
             div.line {
-                div.controls.clock role="toolbar" aria-label="Clock" {
+                div.controls.clock.of-session role="toolbar" aria-label="Clock" {
                     button #pause type="button" title="Space" disabled { "Pause" }
                     button #step type="button" title="s" disabled { "Step" }
                     button #steps type="button" title="S" disabled { "100 steps" }
                 }
                 div.controls.view role="toolbar" aria-label="Note and view" {
-                    form #mark-form {
+                    form #mark-form .of-session {
                         label.visually-hidden for="mark" { "Note at this step" }
                         input #mark type="text" maxlength="400" placeholder="Note at this step" title="m" autocomplete="off";
                         button type="submit" { "Mark" }
                     }
+                    form #where-form .of-recording hidden {
+                        label.visually-hidden for="where" { "Formula to search for" }
+                        input #where type="text" maxlength="4000" placeholder="Where: abs(truth.x_m) > 0.1" title="w" autocomplete="off" spellcheck="false";
+                        button type="submit" { "Where" }
+                    }
                     label { "Window " select #window title="+ and -" {} }
+                    button #look .of-session type="button" { "Look back" }
+                    span #range .row hidden {
+                        label { "From " input #from .time inputmode="decimal" autocomplete="off"; }
+                        label { "to " input #to .time inputmode="decimal" autocomplete="off"; " s" }
+                        button #whole type="button" title="Home" { "Whole run" }
+                        button #follow type="button" title="End" { "Follow" }
+                    }
+                    button #find type="button" title="Ctrl-K" { "Find" }
                     a #to-aside href="#aside" { "Values" }
                     button #theme type="button" aria-pressed="false" { "Dark" }
                     details.keys {
@@ -128,7 +157,13 @@ fn head() -> Markup {
                             kbd { "Space" } " pause, resume; " kbd { "s" } " one step, " kbd { "S" } " 100 steps; " kbd { "m" } " mark; "
                             kbd { "f" } " fault; " kbd { "t" } " tune; " kbd { "+" } " " kbd { "-" } " window; "
                             kbd { "1" } " to " kbd { "9" } ", then " kbd { "y" } ", prepared faults. "
-                            "Point at a plot for its values."
+                            br;
+                            "A part of the run: drag over a plot, Ctrl and wheel, two fingers; Shift moves it, a double click shows all; "
+                            kbd { "←" } " " kbd { "→" } " move, " kbd { "+" } " " kbd { "-" } " zoom, " kbd { "Home" } " whole, " kbd { "End" } " follow. "
+                            br;
+                            "Cursors: click twice, or " kbd { "a" } " " kbd { "b" } " at the pointer; " kbd { "," } " " kbd { "." } " and " kbd { "<" } " " kbd { ">" } " move them by a step, " kbd { "c" } " clears. "
+                            br;
+                            kbd { "Ctrl" } " " kbd { "K" } " finds everything by its name; " kbd { "w" } " searches a recorded run for a formula."
                         }
                     }
                 }
@@ -139,7 +174,11 @@ fn head() -> Markup {
 }
 
 fn readings() -> Markup {
-    html! { section #readings-box { h2 #readings-title { "Readings" } dl #readings {} } }
+    html! {
+        section #readings-box {
+            details.fold #fold-readings open { summary { h2 #readings-title { "Readings" } } dl #readings {} }
+        }
+    }
 }
 
 fn requirements() -> Markup {
@@ -154,10 +193,12 @@ fn requirements() -> Markup {
 fn tune() -> Markup {
     html! {
         section #tune-box hidden {
-            h2 { "Tune" }
-            div #knobs {}
-            div.field { label for="tune-ramp" { "Ramp [s]" } input #tune-ramp inputmode="decimal" placeholder="at once" autocomplete="off"; }
-            p #law-does .hint {}
+            details.fold #fold-tune open {
+                summary { h2 { "Tune" } }
+                div #knobs {}
+                div.field { label for="tune-ramp" { "Ramp [s]" } input #tune-ramp inputmode="decimal" placeholder="at once" autocomplete="off"; }
+                p #law-does .hint {}
+            }
         }
     }
 }
@@ -176,7 +217,8 @@ fn faults() -> Markup {
 fn inject() -> Markup {
     html! {
         section #inject-box hidden {
-            h2 { "Inject" }
+            details.fold #fold-inject open {
+            summary { h2 { "Inject" } }
             div #buttons .row {}
             form #inject {
                 div.field { label for="kind" { "Kind" } select #kind {} }
@@ -191,10 +233,52 @@ fn inject() -> Markup {
                 }
                 div.row { button type="submit" .strong { "Inject" } code #words {} }
             }
+            }
         }
     }
 }
 
 fn log() -> Markup {
     html! { section { h2 { "Log" } ol #log {} p #more-log .hint hidden {} p #no-log .hint { "Nothing yet." } } }
+}
+
+fn occurrences() -> Markup {
+    html! {
+        section #where-box hidden {
+            h2 { "Where" }
+            p #where-says {}
+            ol #intervals {}
+        }
+    }
+}
+
+fn branch() -> Markup {
+    html! {
+        section #branch-box hidden {
+            h2 { "Branch from here" }
+            p #branch-says {}
+            pre { code #branch-command {} }
+            button #copy-branch type="button" { "Copy" }
+        }
+    }
+}
+
+/// Returns the drawer with the figures at the cursors and between them.
+fn measure() -> Markup {
+    html! {
+        section #measure aria-label="Cursors" hidden {
+            div.row {
+                label { "A " input #cursor-a .time inputmode="decimal" title="a" autocomplete="off"; }
+                label { "B " input #cursor-b .time inputmode="decimal" title="b" autocomplete="off" placeholder="-"; " s" }
+                span #gap .n {}
+                button #copy-figures type="button" { "Copy table" }
+                button #clear-cursors type="button" title="c" { "Clear" }
+                span #basis .hint {}
+            }
+            div.scroll tabindex="0" role="region" aria-label="Figures" {
+                table { thead #figures-head {} tbody #figures {} }
+            }
+            pre #copied hidden tabindex="0" aria-label="Copied text" {}
+        }
+    }
 }

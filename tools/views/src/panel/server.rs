@@ -2,7 +2,7 @@
 //!
 //! Each connection has its own thread, which never delays the thread that watches the session: it reads the
 //! [model](crate::monitor::model) only when its page can receive something. Unauthenticated connections are limited to
-//! a few seconds and bytes; clients that know the secret are served by [`client`](super::client).
+//! a few seconds and bytes; clients that know the secret are served by a [`Source`].
 
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
@@ -18,8 +18,6 @@ use tungstenite::handshake::derive_accept_key;
 use tungstenite::protocol::{Role, WebSocketConfig};
 use tungstenite::{Message, WebSocket};
 
-use super::board::Board;
-use super::client::Client;
 use super::message::{self, Greeting};
 use super::page;
 use super::request::{self, HttpRequest, Verdict};
@@ -46,6 +44,15 @@ fn random() -> Result<[u8; 16], Failure> {
     Ok(bytes)
 }
 
+/// Content for the pages of a server.
+pub(crate) trait Source: Send + Sync + 'static {
+    /// Serves an authenticated page until it disconnects or the service ends.
+    fn serve(self: Arc<Self>, socket: WebSocket<TcpStream>);
+
+    /// Ends the service.
+    fn end(&self);
+}
+
 /// Running server; dropping it ends the service.
 pub(crate) struct Server {
     shared: Arc<Shared>,
@@ -54,7 +61,7 @@ pub(crate) struct Server {
 
 /// State shared by all connections.
 struct Shared {
-    board: Arc<Board>,
+    source: Arc<dyn Source>,
     secret: String,
     clients: AtomicUsize,
     strangers: AtomicUsize,
@@ -86,7 +93,7 @@ impl Server {
     ///
     /// # Errors
     /// If no port is available.
-    pub(crate) fn start(board: Arc<Board>) -> Result<Self, Failure> {
+    pub(crate) fn start(source: Arc<dyn Source>) -> Result<Self, Failure> {
         let cannot = |error: std::io::Error| {
             Failure::infrastructure(format!("error: the panel cannot be served: {error}"))
         };
@@ -94,7 +101,7 @@ impl Server {
         let address = listener.local_addr().map_err(cannot)?;
         let secret = random()?.map(|byte| format!("{byte:02x}")).concat();
         let shared = Arc::new(Shared {
-            board,
+            source,
             secret,
             clients: AtomicUsize::new(0),
             strangers: AtomicUsize::new(0),
@@ -132,7 +139,7 @@ impl Drop for Server {
     /// Notifies every client and waits a limited time for them.
     fn drop(&mut self) {
         self.shared.is_over.store(true, Ordering::Release);
-        self.shared.board.end();
+        self.shared.source.end();
         let _ = TcpStream::connect(self.address); // wakes the thread that listens
         let since = Instant::now();
         while self.clients() > 0 && since.elapsed() < LIMIT {
@@ -205,7 +212,7 @@ impl Shared {
             return;
         };
         drop(place);
-        let _ = Client::new(socket, &self.board).serve(); // a disconnected page is not an error
+        Arc::clone(&self.source).serve(socket);
     }
 }
 

@@ -70,8 +70,17 @@ impl Envelope {
         }
     }
 
+    /// Returns the minimum and maximum of a bucket, NaN without a value; `None` beyond the last bucket.
+    pub(crate) fn range(&self, bucket: usize) -> Option<[f64; 2]> {
+        self.least
+            .get(bucket)
+            .copied()
+            .zip(self.greatest.get(bucket).copied())
+            .map(Into::into)
+    }
+
     /// Returns the minimum and maximum of a bucket, if it has values.
-    pub(super) fn ends(&self, bucket: usize) -> impl Iterator<Item = f64> {
+    pub(crate) fn ends(&self, bucket: usize) -> impl Iterator<Item = f64> {
         let ends = [self.least[bucket], self.greatest[bucket]];
         ends.into_iter().filter(|value| !value.is_nan())
     }
@@ -89,7 +98,7 @@ impl Envelope {
     }
 
     /// Returns the value if every bucket has the same value.
-    pub(super) fn constant(&self) -> Option<f64> {
+    pub(crate) fn constant(&self) -> Option<f64> {
         let first = *self.least.first()?;
         let is_it = |value: &f64| *value == first;
         (first.is_finite() && self.least.iter().all(is_it) && self.greatest.iter().all(is_it))
@@ -97,7 +106,7 @@ impl Envelope {
     }
 
     /// Returns `true` if the other envelope looks the same.
-    pub(super) fn is_same(&self, other: &Self) -> bool {
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
         let are_same = |a: &[f64], b: &[f64]| {
             let bits = a.iter().zip(b).map(|(a, b)| (a.to_bits(), b.to_bits()));
             a.len() == b.len() && bits.into_iter().all(|(a, b)| a == b)

@@ -21,11 +21,16 @@ pub(crate) struct Grid {
 }
 
 impl Grid {
+    /// Returns the number of steps in an evenly spaced bucket of a run that ends at step `last`.
+    pub(crate) const fn even(last: Step) -> u64 {
+        (last.0 + 1).div_ceil(EVEN)
+    }
+
     /// Creates the grid for runs of which the longest ends at step `last`, with times of interest, the most
     /// interesting first.
     pub(crate) fn new(rate: Rate, last: Step, times_ns: &[u64]) -> Self {
         let steps = last.0 + 1;
-        let longest = steps.div_ceil(EVEN);
+        let longest = Self::even(last);
         let mut near: Vec<u64> = Vec::new();
         for time_ns in times_ns {
             let step = rate.step_at_or_after(*time_ns as f64 / 1e9).0;
@@ -63,7 +68,7 @@ impl Grid {
     }
 
     /// Returns the bucket of a time, searching from bucket `from` on.
-    pub(super) fn bucket(&self, from: usize, time_ns: u64) -> usize {
+    pub(crate) fn bucket(&self, from: usize, time_ns: u64) -> usize {
         let mut bucket = from;
         while (self.edges_ns.get(bucket + 1)).is_some_and(|edge| *edge <= time_ns) {
             bucket += 1;
@@ -72,7 +77,7 @@ impl Grid {
     }
 
     /// Returns the starts of the buckets in s.
-    pub(super) fn starts_s(&self) -> Vec<f64> {
+    pub(crate) fn starts_s(&self) -> Vec<f64> {
         self.edges_ns.iter().map(|ns| *ns as f64 / 1e9).collect()
     }
 }

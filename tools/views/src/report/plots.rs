@@ -17,7 +17,7 @@ use shared_types::extremes::larger;
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Plot {
     #[serde(flatten)]
-    pub(super) chosen: plots::Plot,
+    pub(crate) chosen: plots::Plot,
     marks: Vec<Mark>,
     /// Heading in words, without the unit.
     pub(super) heading: String,
@@ -71,7 +71,7 @@ pub(super) fn limit(plots: &[Plot], run: usize, requirement: &str) -> Option<f64
 }
 
 /// Returns the plots of some runs, for the comparisons in their requirements and the signals requested by the user.
-pub(super) fn plots(
+pub(crate) fn plots(
     runs: &[Run],
     signals: &[Signals],
     bounds: Vec<Vec<Bound>>,

@@ -22,50 +22,40 @@ use shared_types::time::{Rate, Step};
 
 use super::envelope::Envelope;
 use super::grid::Grid;
-
-/// Words of measured time and age that are worth a plot.
-const TIMES: [&str; 7] = [
-    "round_trip_ns",
-    "controller_ns",
-    "plant_ns",
-    "late_ns",
-    "sample_age_steps",
-    "command_age_steps",
-    "held_steps",
-];
+use super::rows::Rows;
 
 /// Result of a run.
 pub(crate) struct Run {
     /// Label that distinguishes the run from the others of the report.
-    pub(super) label: String,
-    pub(super) path: PathBuf,
-    pub(super) outcome: RecordedOutcome,
+    pub(crate) label: String,
+    pub(crate) path: PathBuf,
+    pub(crate) outcome: RecordedOutcome,
     /// Run reconstructed from its scenario; `None` if that is invalid.
     recorded_run: Option<RecordedRun>,
-    pub(super) rate: Rate,
-    pub(super) last: Step,
-    pub(super) reason: Option<String>,
-    pub(super) verdict: String,
-    pub(super) requirements: Vec<Requirement>,
-    pub(super) metrics: Vec<Metric>,
+    pub(crate) rate: Rate,
+    pub(crate) last: Step,
+    pub(crate) reason: Option<String>,
+    pub(crate) verdict: String,
+    pub(crate) requirements: Vec<Requirement>,
+    pub(crate) metrics: Vec<Metric>,
     /// Effects of faults in the order in which they became active.
-    pub(super) spans: Vec<Span>,
+    pub(crate) spans: Vec<Span>,
     /// Control laws that were active.
-    pub(super) laws: Laws,
+    pub(crate) laws: Laws,
     /// Control laws, formatted for the user.
     laws_in_words: String,
     /// Warnings at the top of the page.
-    pub(super) notes: Vec<String>,
+    pub(crate) notes: Vec<String>,
 }
 
 /// Time span in which a fault is active.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Span {
-    pub(super) event: u32,
-    pub(super) kind: String,
-    pub(super) from_s: f64,
+pub(crate) struct Span {
+    pub(crate) event: u32,
+    pub(crate) kind: String,
+    pub(crate) from_s: f64,
     /// End in s; `None` if the fault lasts to the end of the run.
-    pub(super) until_s: Option<f64>,
+    pub(crate) until_s: Option<f64>,
 }
 
 impl Run {
@@ -155,19 +145,24 @@ impl Run {
         self.recorded_run.as_ref().map(|run| &run.plan)
     }
 
+    /// Returns the run reconstructed from its scenario; `None` if the scenario is invalid.
+    pub(crate) const fn recorded_run(&self) -> Option<&RecordedRun> {
+        self.recorded_run.as_ref()
+    }
+
     /// Returns the aliases of the run's signals, each with the recorded name.
-    pub(super) fn aliases(&self) -> Vec<(String, String)> {
+    pub(crate) fn aliases(&self) -> Vec<(String, String)> {
         let run = self.recorded_run.as_ref();
         run.map(RecordedRun::aliases).unwrap_or_default()
     }
 
     /// Returns `true` if the run requested timing, as far as its scenario is valid.
-    pub(super) fn asks_for_timing(&self) -> bool {
+    pub(crate) fn asks_for_timing(&self) -> bool {
         self.plan().is_none_or(Plan::asks_for_timing)
     }
 
     /// Returns a fact recorded before the run.
-    pub(super) fn fact(&self, name: &str) -> &str {
+    pub(crate) fn fact(&self, name: &str) -> &str {
         self.outcome.reader.fact(name).unwrap_or_default()
     }
 
@@ -177,12 +172,12 @@ impl Run {
     }
 
     /// Returns the end of the run in s.
-    pub(super) fn end_s(&self) -> f64 {
+    pub(crate) fn end_s(&self) -> f64 {
         self.rate.seconds(self.last)
     }
 
     /// Returns the times of interest in ns, the most interesting first.
-    pub(super) fn times_ns(&self) -> Vec<u64> {
+    pub(crate) fn times_ns(&self) -> Vec<u64> {
         let ns = |s: f64| (s * 1e9) as u64;
         let spans = self.spans.iter();
         let faults = spans.flat_map(|span| std::iter::once(span.from_s).chain(span.until_s));
@@ -207,7 +202,7 @@ impl Run {
     }
 
     /// Prepares the reading of the run's signals.
-    pub(super) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
+    pub(crate) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
         Reading {
             path: &self.path,
             rate: self.rate,
@@ -218,7 +213,7 @@ impl Run {
 }
 
 /// Inputs for reading the signals of a run.
-pub(super) struct Reading<'a> {
+pub(crate) struct Reading<'a> {
     path: &'a Path,
     rate: Rate,
     run: Option<&'a RecordedRun>,
@@ -231,63 +226,31 @@ impl Reading<'_> {
     ///
     /// # Errors
     /// If the recording cannot be read any more.
-    pub(super) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
+    pub(crate) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
         let mut reader = RunReader::open(self.path)?.without_digest().patient();
+        let mut rows = self.rows(&reader);
         let mut signals = Signals::default();
-        let mut places = Vec::new();
-        for (place, column) in reader.columns().iter().enumerate() {
-            let is_time = TIMES.contains(&column.name.as_str());
-            if column.is_signal() || is_time {
-                let unit = match (is_time, column.name.as_str()) {
-                    (false, _) => column.unit.as_str(),
-                    (true, name) if name.ends_with("_steps") => "steps",
-                    (true, _) => "ns",
-                };
-                signals.push(&column.name, unit, grid);
-                places.push((place, is_time));
-            }
+        for column in rows.columns() {
+            signals.push(&column.name, &column.unit, grid);
         }
-        let mut derived = self.derived(&reader);
-        for one in derived.iter().flat_map(|(signals, _)| signals) {
-            signals.push(&one.name, &one.unit, grid);
-        }
-        let validity = self.run.map(|run| run.validity(&reader));
-        let first = (reader.columns().iter()).position(|column| column.is_signal());
-        let mut valid_words = Vec::new();
         let mut bucket = 0;
         // If later records are damaged, shows those read so far.
         while let Ok(true) = reader.advance() {
             let step = Step(reader.step());
             bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
-            let mut words = reader.words();
-            let mut invalid =
-                (validity.iter().flat_map(|validity| validity.invalid(words))).peekable();
-            if invalid.peek().is_some() {
-                valid_words.clear();
-                valid_words.extend_from_slice(words);
-                for place in invalid {
-                    valid_words[first.unwrap_or(0) + place] = f64::NAN.to_bits();
-                }
-                words = &valid_words;
-            }
-            let (recorded, computed) = signals.envelopes.split_at_mut(places.len());
-            for (envelope, (place, is_time)) in recorded.iter_mut().zip(&places) {
-                let word = words[*place];
-                match is_time {
-                    false => envelope.take(bucket, f64::from_bits(word)),
-                    // 0 means no time and no age: nothing was exchanged or due.
-                    true if word > 0 => envelope.take(bucket, word as f64),
-                    true => {}
-                }
-            }
-            if let Some((_, evaluation)) = &mut derived {
-                for (envelope, value) in computed.iter_mut().zip(evaluation.record(words)) {
-                    envelope.take(bucket, *value);
-                }
+            let values = rows.values(reader.words());
+            for (envelope, value) in signals.envelopes.iter_mut().zip(values) {
+                envelope.take(bucket, *value);
             }
         }
         signals.forget_missing();
         Ok(signals)
+    }
+
+    /// Prepares the conversion of records to values.
+    pub(crate) fn rows(&self, reader: &RunReader) -> Rows {
+        let validity = self.run.map(|run| run.validity(reader));
+        Rows::new(reader.columns(), validity, self.derived(reader))
     }
 
     /// Returns the derived and the extra signals with their evaluation; `None` for an excerpt, which lacks their
@@ -379,7 +342,7 @@ fn spans(outcome: &RecordedOutcome, rate: Rate) -> Vec<Span> {
 }
 
 /// Returns elements in order, keeping the first of equal elements.
-pub(super) fn distinct<T>(
+pub(crate) fn distinct<T>(
     all: impl Iterator<Item = T>,
     are_same: impl Fn(&T, &T) -> bool,
 ) -> Vec<T> {

@@ -33,6 +33,8 @@ const IN_CLONE: &str = "tools/python";
 /// The current folder, which Python puts first, is not searched for modules: anybody may have written it.
 const START: &str = "\
 import sys
+if sys.version_info < (3, 9):
+    sys.exit('error: a plant or law needs Python 3.9 or later, and %s is %s' % (sys.executable, sys.version.split()[0]))
 if sys.path and not sys.path[0]:
     del sys.path[0]
 folder, program = sys.argv[1:3]

@@ -1,5 +1,7 @@
 //! `hil describe FILE` of a port file: the tables that follow from it, and its frames field by field.
 
+mod safety;
+
 use std::fmt::Write;
 
 use hil_codec::bits::{BitField, ByteOrder};
@@ -46,6 +48,7 @@ pub(super) fn describe(arguments: &DescribeArguments) -> Result<Exit, Failure> {
             "sample": port.table(Carries::Sample),
             "command": port.table(Carries::Command),
             "frames": frames,
+            "safety": safety::json(&port),
         },
     });
     output::result(arguments.json, &result, || {
@@ -92,7 +95,7 @@ fn write_all(text: &mut String, file: &str, port: &Port) -> Written {
     for one in &port.frames {
         write_frame(text, port, one)?;
     }
-    Ok(())
+    safety::write(text, port)
 }
 
 fn write_frame(text: &mut String, port: &Port, one: &PortFrame) -> Written {

@@ -7,7 +7,8 @@ use std::os::fd::BorrowedFd;
 use hil_codec::frame::CanId;
 
 use super::super::datagram::Udp;
-use super::super::{Arrival, Medium, Outlet, Tally};
+use super::super::notes::Notes;
+use super::super::{Arrival, Medium, Note, NoteKind, Outlet, Tally};
 use super::{CLASSIC, REMOTE, data_id, raw_id};
 
 /// Format version of cannelloni datagrams.
@@ -34,6 +35,7 @@ pub(in crate::medium) struct Cannelloni {
     /// Frames of the last datagram that wait to be read.
     waiting: VecDeque<(CanId, Vec<u8>)>,
     counts: Tally,
+    notes: Notes,
 }
 
 impl Cannelloni {
@@ -44,6 +46,7 @@ impl Cannelloni {
             datagram: vec![0; LONGEST_DATAGRAM],
             waiting: VecDeque::new(),
             counts: Tally::default(),
+            notes: Notes::default(),
         }
     }
 }
@@ -85,9 +88,14 @@ impl Medium for Cannelloni {
                 return Ok(None);
             };
             let datagram = &self.datagram[..arrival.length];
-            match frames(datagram, &mut self.counts) {
-                Some(frames) => self.waiting.extend(frames),
-                None => self.counts.skipped_bytes += datagram.len() as u64,
+            match frames(datagram, &mut self.counts, &mut self.notes) {
+                Ok(frames) => self.waiting.extend(frames),
+                Err(why) => {
+                    self.counts.skipped_bytes += datagram.len() as u64;
+                    self.notes.add(NoteKind::NoFrame, datagram, || {
+                        format!("a datagram that is none of cannelloni's: {why}")
+                    });
+                }
             }
         }
         let Some((id, data)) = self.waiting.pop_front() else {
@@ -95,10 +103,7 @@ impl Medium for Cannelloni {
         };
         // At most 127 bytes.
         buffer[..data.len()].copy_from_slice(&data);
-        Ok(Some(Arrival {
-            length: data.len(),
-            id: Some(id),
-        }))
+        Ok(Some(Arrival::whole(data.len(), Some(id))))
     }
 
     fn readable(&self) -> Option<BorrowedFd<'_>> {
@@ -119,37 +124,70 @@ impl Medium for Cannelloni {
             strangers: udp.strangers,
             new_peers: udp.new_peers,
             unsent: udp.unsent,
+            dropped: udp.dropped,
             ..self.counts
         }
     }
+
+    fn first_other(&self) -> Option<&str> {
+        self.udp.first_other()
+    }
+
+    fn take_notes(&mut self) -> Vec<Note> {
+        let mut notes = self.udp.take_notes();
+        notes.extend(self.notes.take());
+        notes
+    }
 }
 
-/// Returns the data frames of a datagram; `None` if it is none of cannelloni's.
-fn frames(datagram: &[u8], counts: &mut Tally) -> Option<Vec<(CanId, Vec<u8>)>> {
-    let (header, mut rest) = datagram.split_first_chunk::<HEADER>()?;
+/// Returns the data frames of a datagram.
+///
+/// # Errors
+/// The reason why it is none of cannelloni's.
+fn frames(
+    datagram: &[u8],
+    counts: &mut Tally,
+    notes: &mut Notes,
+) -> Result<Vec<(CanId, Vec<u8>)>, String> {
+    let header = datagram.split_first_chunk::<HEADER>();
+    let (header, mut rest) = header.ok_or_else(|| {
+        let length = datagram.len();
+        format!("it has {length} bytes, and its head alone {HEADER}")
+    })?;
     let [version, code, _, count @ ..] = *header;
-    if version != VERSION || code != DATA {
-        return None;
+    if version != VERSION {
+        return Err(format!("its version is {version} and not {VERSION}"));
     }
+    if code != DATA {
+        return Err(format!("its code is {code} and not {DATA}"));
+    }
+    let count = u16::from_be_bytes(count);
     let mut frames = Vec::new();
-    for _ in 0..u16::from_be_bytes(count) {
-        let (id, after) = rest.split_first_chunk::<4>()?;
-        let id = u32::from_be_bytes(*id);
-        let (length, mut after) = after.split_first()?;
-        if length & FD != 0 {
-            (_, after) = after.split_first()?;
-        }
-        let length = match id & REMOTE {
-            0 => usize::from(length & !FD),
-            _ => 0,
-        };
-        let (data, after) = after.split_at_checked(length)?;
+    for number in 1..=count {
+        let (id, data, after) = frame(rest)
+            .ok_or_else(|| format!("it ends in frame {number} of the {count} that it announces"))?;
         rest = after;
-        if let Some(id) = data_id(id, counts) {
+        if let Some(id) = data_id(id, data, counts, notes) {
             frames.push((id, data.to_vec()));
         }
     }
-    Some(frames)
+    Ok(frames)
+}
+
+/// Returns the identifier and data of the first frame, and the bytes behind it; `None` if it is cut.
+fn frame(bytes: &[u8]) -> Option<(u32, &[u8], &[u8])> {
+    let (id, after) = bytes.split_first_chunk::<4>()?;
+    let id = u32::from_be_bytes(*id);
+    let (length, mut after) = after.split_first()?;
+    if length & FD != 0 {
+        (_, after) = after.split_first()?;
+    }
+    let length = match id & REMOTE {
+        0 => usize::from(length & !FD),
+        _ => 0,
+    };
+    let (data, after) = after.split_at_checked(length)?;
+    Some((id, data, after))
 }
 
 #[cfg(test)]
@@ -168,12 +206,31 @@ mod tests {
             (CanId::Standard(0x123), vec![0xAB, 0xCD]),
             (CanId::Extended(0x0018_FF10), vec![0x55]),
         ];
-        let mut counts = Tally::default();
-        assert_eq!(frames(&datagram, &mut counts), Some(expected));
+        let (mut counts, mut notes) = (Tally::default(), Notes::default());
+        assert_eq!(frames(&datagram, &mut counts, &mut notes), Ok(expected));
         assert_eq!((counts.error_frames, counts.remote_requests), (1, 1));
+        let mut read = |datagram: &[u8]| frames(datagram, &mut counts, &mut notes);
         for end in 0..datagram.len() {
-            assert_eq!(frames(&datagram[..end], &mut counts), None, "{end}");
+            let why = read(&datagram[..end]).expect_err("a part");
+            let number = match end {
+                0..HEADER => {
+                    let head = format!("it has {end} bytes, and its head alone 5");
+                    assert_eq!(why, head);
+                    continue;
+                }
+                ..12 => 1,
+                ..17 => 2,
+                ..22 => 3,
+                _ => 4,
+            };
+            let cut = format!("it ends in frame {number} of the 4 that it announces");
+            assert_eq!(why, cut, "{end}");
         }
-        assert_eq!(frames(&[1, 0, 7, 0, 0], &mut counts), None);
+        let why = "its version is 1 and not 2";
+        assert_eq!(read(&[1, 0, 7, 0, 0]), Err(why.into()));
+        let notes = notes.take();
+        let kinds: Vec<NoteKind> = notes.iter().map(|note| note.kind).collect();
+        assert_eq!(kinds, [NoteKind::RemoteRequest, NoteKind::ErrorFrame]);
+        assert_eq!(notes[0].text, "a remote request for id 0x124");
     }
 }

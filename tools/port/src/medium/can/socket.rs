@@ -9,8 +9,9 @@ use rustix::io::Errno;
 use rustix::net::{AddressFamily, Protocol, SocketType, socket};
 use socketcan::{CanFdSocket, Socket, SocketOptions};
 
-use super::super::datagram::nothing;
-use super::super::{Arrival, Medium, Outlet, Tally, To};
+use super::super::datagram::{enlarge, nothing};
+use super::super::notes::Notes;
+use super::super::{Arrival, Medium, Note, NoteKind, Outlet, Tally, To};
 use super::{CLASSIC, data_id, raw_id};
 
 /// Protocol of raw frames in the family of CAN.
@@ -31,6 +32,7 @@ const MOST_OTHERS: usize = 256;
 pub(in crate::medium) struct Interface {
     socket: CanFdSocket,
     counts: Tally,
+    notes: Notes,
 }
 
 impl Interface {
@@ -57,9 +59,11 @@ impl Interface {
             })?;
         socket.set_nonblocking(true)?;
         socket.set_error_filter_accept_all()?;
+        enlarge(&socket);
         Ok(Self {
             socket,
             counts: Tally::default(),
+            notes: Notes::default(),
         })
     }
 
@@ -68,6 +72,7 @@ impl Interface {
         Self {
             socket: socket.into(),
             counts: Tally::default(),
+            notes: Notes::default(),
         }
     }
 }
@@ -120,14 +125,14 @@ impl Medium for Interface {
             };
             let Some((id, data)) = decode(&frame[..length]) else {
                 self.counts.skipped_bytes += length as u64;
+                self.notes.add(NoteKind::NoFrame, &frame[..length], || {
+                    "a frame that is shorter than it says".into()
+                });
                 continue;
             };
-            if let Some(id) = data_id(id, &mut self.counts) {
+            if let Some(id) = data_id(id, data, &mut self.counts, &mut self.notes) {
                 buffer[..data.len()].copy_from_slice(data);
-                return Ok(Some(Arrival {
-                    length: data.len(),
-                    id: Some(id),
-                }));
+                return Ok(Some(Arrival::whole(data.len(), Some(id))));
             }
         }
         Ok(None)
@@ -147,6 +152,10 @@ impl Medium for Interface {
 
     fn counts(&self) -> Tally {
         self.counts
+    }
+
+    fn take_notes(&mut self) -> Vec<Note> {
+        self.notes.take()
     }
 }
 

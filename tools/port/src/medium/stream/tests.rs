@@ -1,5 +1,7 @@
 //! Tests of streams on sockets of this machine.
 
+use std::io::Write;
+
 use super::*;
 
 #[test]
@@ -34,6 +36,9 @@ fn the_end_of_a_line_that_is_too_long_is_no_frame() {
     assert_eq!(&buffer[..arrival.length], b"{\"f\": 1}");
     assert_eq!(stream.receive(&mut buffer).expect("nothing more"), None);
     assert_eq!(stream.counts().skipped_bytes, 3 * LONGEST as u64 + 10);
+    let [note] = stream.take_notes().try_into().expect("one note");
+    assert_eq!(note.text, "a line of more than 4096 bytes");
+    assert!(note.bytes.iter().all(|byte| *byte == b'x'));
 }
 
 #[test]
@@ -49,6 +54,17 @@ fn a_false_beginning_is_given_back_except_its_first_byte() {
     stream.reject();
     assert_eq!(receive(&mut stream), Some(vec![0xAA, 2, 3]));
     assert_eq!(stream.counts().skipped_bytes, 2);
+}
+
+#[test]
+fn skipped_bytes_are_described_by_the_constant_that_they_lack() {
+    let cut = Cut::Lengths(vec![(4, vec![0x55, 0xAA])]);
+    let lacking = "bytes that do not begin with 55 aa";
+    assert_eq!(cut.describe(&[1, 2, 3]), lacking);
+    let reversed = format!("{lacking}, but have it in the other byte order");
+    assert_eq!(cut.describe(&[1, 0xAA, 0x55]), reversed);
+    let any = "bytes that no frame begins with";
+    assert_eq!(Cut::Lengths(Vec::new()).describe(&[1]), any);
 }
 
 #[test]
@@ -98,4 +114,55 @@ fn a_client_goes_on_while_its_connection_is_awaited() {
         std::thread::sleep(Duration::from_millis(5));
         assert!(begin.elapsed() < Duration::from_secs(60), "watchdog");
     }
+}
+
+#[test]
+fn a_second_client_is_named_and_served_once_the_first_is_gone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("own");
+    let mut stream = Stream::unix_listener(&path, Cut::Line).expect("a listener");
+    let mut first = UnixStream::connect(&path).expect("connected");
+    first.write_all(b"1\n").expect("written");
+    let mut buffer = [0; LONGEST + 1];
+    let mut read = |stream: &mut Stream| {
+        let arrival = stream.receive(&mut buffer).expect("received");
+        arrival.map(|one| buffer[..one.length].to_vec())
+    };
+    assert_eq!(read(&mut stream), Some(b"1".to_vec()));
+    let mut second = UnixStream::connect(&path).expect("connected");
+    second.write_all(b"2\n").expect("written");
+    while stream.counts().strangers == 0 {
+        assert_eq!(read(&mut stream), None);
+    }
+    let own = format!("process {}", std::process::id());
+    assert_eq!(stream.first_other(), Some(&*own));
+    let [note] = stream.take_notes().try_into().expect("one note");
+    assert!(note.text.starts_with(&own), "{}", note.text);
+    first.write_all(b"3\n").expect("written");
+    assert_eq!(read(&mut stream), Some(b"3".to_vec()));
+    drop(first);
+    assert_eq!(read(&mut stream), None);
+    assert_eq!(read(&mut stream), Some(b"2".to_vec()));
+    let counts = stream.counts();
+    assert_eq!((counts.strangers, counts.new_peers), (1, 1));
+}
+
+#[test]
+fn a_frame_is_lost_with_the_connection_on_which_it_was_sent() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("own");
+    let mut stream = Stream::unix_listener(&path, Cut::Line).expect("a listener");
+    let first = UnixStream::connect(&path).expect("connected");
+    assert!(stream.send(None, b"1\n").expect("sent"));
+    assert!(!stream.has_reached_nobody(None, b"1\n"));
+    drop(first);
+    let _second = UnixStream::connect(&path).expect("connected");
+    let mut buffer = [0; LONGEST + 1];
+    // One call sees the end of the first, and one the second.
+    for _ in 0..2 {
+        assert_eq!(stream.receive(&mut buffer).expect("no error"), None);
+    }
+    assert!(stream.has_reached_nobody(None, b"1\n"));
+    assert!(stream.send(None, b"1\n").expect("sent"));
+    assert!(!stream.has_reached_nobody(None, b"1\n"));
 }

@@ -209,7 +209,7 @@ const readInk = () => {
   const style = getComputedStyle(root);
   const of = (name) => style.getPropertyValue(name).trim();
   return {
-    text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"), paper: of("--paper"),
+    text: of("--soft"), grid: of("--grid"), fault: of("--fault"), edge: of("--fault-edge"), limit: of("--limit"), paper: of("--paper"), cursor: of("--cursor"), found: of("--found"), ghost: of("--ghost"),
     series: Array.from({ length: 8 }, (_, i) => of("--c" + i)),
   };
 };

@@ -115,21 +115,24 @@
           });
         });
       });
-      // Sizes of all curves, and how long each lasts: whether a spike flattens the rest.
-      const all = this.series.map((one) => one.values);
-      const sizes = Float64Array.from(start, (_, i) => all.reduce((most, { least, greatest }) => (least[i] === least[i] ? Math.max(most === most ? most : 0, Math.abs(least[i]), Math.abs(greatest[i])) : most), NaN));
-      const ends = start.subarray(1);
-      const lengths = Float64Array.from(start, (time, i) => Math.max((ends[i] ?? data.end_s) - time, 1e-12));
-      this.linear = spec.log ? 0 : spikeOf(sizes, lengths);
-      this.usual = this.linear;
       this.isOffset = false;
       figure.addEventListener("keydown", (event) => this.key(event));
+    }
+
+    // The magnitude up to which a spike leaves the axis linear, or 0: from the sizes of all curves and how long they last.
+    spike() {
+      if (this.spec.log) return 0;
+      const all = this.series.map((one) => one.values);
+      const sizes = Float64Array.from(start, (_, i) => all.reduce((most, { least, greatest }) => (least[i] === least[i] ? Math.max(most === most ? most : 0, Math.abs(least[i]), Math.abs(greatest[i])) : most), NaN));
+      const lengths = Float64Array.from(start, (time, i) => Math.max((start[i + 1] ?? data.end_s) - time, 1e-12));
+      return spikeOf(sizes, lengths);
     }
 
     create() {
       if (this.plot) return;
       const box = this.figure.querySelector(".canvas");
       const { spec } = this;
+      if (this.usual === undefined) this.linear = this.usual = this.spike();
       this.symmetric = this.linear && !this.isOffset ? symmetricScale(this.linear) : null;
       const points = this.series.map((one) => Array.from(one.values.greatest, (value) => (value === value ? (spec.log ? Math.abs(value) || null : value) : null)));
       this.plot = new uPlot({
@@ -627,11 +630,24 @@
   const sized = new ResizeObserver((entries) => {
     for (const { target } of entries) byFigure.get(target).resize(target.clientWidth);
   });
+  const observe = (figure) => {
+    seen.observe(figure);
+    sized.observe(figure);
+  };
+  // The verdict is seen before any curve is drawn; a page that is not in sight is painted never, so not for long.
+  let isPainted = false;
+  const begin = () => {
+    if (isPainted) return;
+    isPainted = true;
+    for (const figure of byFigure.keys()) observe(figure);
+    setTimeout(drawNext, 10);
+  };
+  requestAnimationFrame(() => setTimeout(begin));
+  setTimeout(begin, 500);
   const add = (figure, plot) => {
     plots.push(plot);
     byFigure.set(figure, plot);
-    seen.observe(figure);
-    sized.observe(figure);
+    if (isPainted) observe(figure);
   };
 
   watchScroll();
@@ -699,7 +715,6 @@
     next.create();
     setTimeout(drawNext, 10);
   };
-  setTimeout(drawNext, 10);
 
   let before;
   let closed = [];

@@ -1,0 +1,173 @@
+"""Environments of Gymnasium, judged by its checker, by closed forms and by runs of the command line.
+
+    HIL_BIN=target/release/hil python -m unittest test_gym
+
+Skipped without HIL_BIN or without gymnasium.
+"""
+
+import importlib.util
+import math
+import os
+import pathlib
+import sys
+import tempfile
+import unittest
+import warnings
+
+CLONE = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(CLONE / "tools" / "python"))
+
+import hil
+import numpy as np
+
+PROGRAM = os.environ.get("HIL_BIN")
+SPRING = CLONE / "scenarios" / "spring-mass.toml"
+POSITION = ["truth.position_m", "truth.velocity_m_s"]
+IS_POSSIBLE = PROGRAM and importlib.util.find_spec("gymnasium")
+if not IS_POSSIBLE:
+    print("skipped: test_gym needs HIL_BIN and gymnasium")
+
+
+@unittest.skipUnless(IS_POSSIBLE, "HIL_BIN is not set, or gymnasium is missing")
+class Environments(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="hil test ")
+        self.addCleanup(folder.cleanup)
+        self.addCleanup(os.chdir, os.getcwd())
+        os.environ["HIL_BIN"] = os.path.abspath(PROGRAM)
+        os.chdir(folder.name)
+
+    def env(self, **arguments):
+        import hil.gym
+
+        defaults = {"observe": POSITION, "act": {"command.force_n": (-5.0, 5.0)}, "reward": "settles"}
+        env = hil.gym.Env(arguments.pop("scenario", SPRING), **{**defaults, **arguments})
+        self.addCleanup(env.close)
+        return env
+
+    def episode(self, env, action, seed=1):
+        """Runs an episode with one action; returns its rewards, its last observation, and the results of the end."""
+        env.reset(seed=seed)
+        rewards = []
+        while True:
+            observation, reward, terminated, truncated, info = env.step(action)
+            rewards.append(reward)
+            if terminated or truncated:
+                return rewards, observation, terminated, truncated, info
+
+    def test_the_checker_of_gymnasium_has_no_objection(self):
+        from gymnasium.utils.env_checker import check_env
+
+        for arguments in (
+            {},
+            {"act": ["reference.position_m"], "steps_per_action": 50},
+            {"act": {"controller.pid.proportional_n_per_m": (100.0, 900.0)}, "reward": "tracking_error_m"},
+        ):
+            with self.subTest(**arguments), warnings.catch_warnings():
+                warnings.simplefilter("error")
+                # It asks for limits of observations, which signals do not have, and for nothing else.
+                warnings.filterwarnings("ignore", message=".*(infinity|render|Box observation).*")
+                check_env(self.env(**arguments), skip_render_check=True)
+
+    def test_a_constant_force_moves_the_mass_as_the_closed_form_does(self):
+        mass_kg, damping, stiffness, force_n = 1.0, 2.0, 100.0, 3.0
+        decay = damping / (2 * mass_kg)
+        frequency = math.sqrt(stiffness / mass_kg - decay**2)
+        env = self.env()
+        env.reset(seed=1)
+        for step in range(1, 2001):
+            observation, *_ = env.step([force_n])
+            # The force of an action acts from its step on; step 0 had none.
+            time_s = (step - 1) * 1e-3
+            cosine, sine = math.cos(frequency * time_s), math.sin(frequency * time_s)
+            fading = math.exp(-decay * time_s)
+            position_m = force_n / stiffness * (1 - fading * (cosine + decay / frequency * sine))
+            speed_m_s = force_n / stiffness * fading * (decay**2 / frequency + frequency) * sine
+            self.assertAlmostEqual(observation[0], position_m, delta=1e-9)
+            self.assertAlmostEqual(observation[1], speed_m_s, delta=1e-8)
+
+    def test_the_return_of_an_episode_is_the_robustness_that_the_command_line_judges(self):
+        gain = "controller.pid.proportional_n_per_m"
+        run = hil.run(SPRING, link="in-process", set={gain: 250.0})
+        env = self.env(set={gain: 250.0}, act={gain: (0.0, 1000.0)})
+        rewards, _, terminated, truncated, info = self.episode(env, [250.0])
+        self.assertAlmostEqual(sum(rewards), run.verdicts["settles"].robustness, delta=1e-12)
+        self.assertEqual((terminated, truncated, info["verdict"]), (True, False, "fail"))
+        breaker = self.env(set={gain: 250.0}, act={gain: (0.0, 1000.0)}, reward="-settles")
+        opposite = self.episode(breaker, [250.0])[0]
+        self.assertEqual(opposite, [-reward for reward in rewards])
+
+    def test_an_episode_is_truncated_at_the_end_and_repeated_by_the_command_line(self):
+        target = "reference.position_m"
+        env = self.env(act={target: (0.0, 0.02)}, reward=lambda session: -abs(session["tracking_error_m"]))
+        rewards, _, terminated, truncated, info = self.episode(env, [0.01])
+        self.assertEqual((len(rewards), terminated, truncated), (4999, False, True))
+        pathlib.Path("repeats.toml").write_text(env.session.scenario())
+        run = hil.run("repeats.toml", link="in-process")
+        self.assertEqual((run.digest, run.verdict), (info["digest"], info["verdict"]))
+        self.assertEqual(rewards, (-np.abs(run["tracking_error_m"][1:5000])).tolist())
+
+    def test_a_run_that_diverges_terminates_the_episode(self):
+        env = self.env(act={"command.force_n": (-1e9, 1e9)})
+        *_, terminated, truncated, info = self.episode(env, [1e9])
+        self.assertEqual((terminated, truncated, info["verdict"]), (True, False, "fail"))
+
+    def test_a_seed_repeats_the_noise_of_an_episode(self):
+        pathlib.Path("noisy.toml").write_text(
+            SPRING.read_text()
+            + '\n[[faults]]\nkind = "noise"\ntarget = "measured.position_m"\nat_s = 0.0\ndeviation = 1e-4\n'
+        )
+        env = self.env(scenario="noisy.toml", observe=["measured.position_m", "sample.position_m"])
+
+        def beginning(seed):
+            env.reset(seed=seed)
+            return [env.step([1.0])[0].tolist() for _ in range(20)]
+
+        first = beginning(5)
+        self.assertNotEqual(first, beginning(6))
+        self.assertEqual(first, beginning(5))
+        self.assertNotEqual(beginning(None), beginning(None))
+
+    def test_wrong_arguments_name_what_is_meant(self):
+        for arguments, text in (
+            ({"observe": ["truth.positon_m"]}, "truth.position_m"),
+            ({"act": ["command.force"]}, "command.force_n"),
+            ({"act": {"command.force_n": (5, -5)}}, "limits of `command.force_n`"),
+            ({"reward": "setles"}, "settles"),
+            ({"steps_per_action": 0}, "at least one step"),
+            ({"law": object}, "takes the place of the law"),
+        ):
+            with self.subTest(**arguments), self.assertRaisesRegex(hil.Error, text):
+                self.env(**arguments)
+        env = self.env()
+        with self.assertRaisesRegex(hil.SessionError, "reset"):
+            env.step([0.0])
+        env.reset()
+        for action, text in (([0.0, 1.0], "shape"), ([math.nan], "no number"), (0.0, "shape")):
+            with self.subTest(action), self.assertRaisesRegex(ValueError, text):
+                env.step(action)
+        with self.assertRaisesRegex(hil.SessionError, "no options"):
+            env.reset(options={"mass": 2})
+        self.assertTrue(np.isfinite(env.step(np.float32([7.0]))[0]).all())
+
+    def test_environments_in_processes_give_what_one_gives(self):
+        import hil.gym
+
+        env = self.env()
+        expected, _ = env.reset(seed=3)
+        several = hil.gym.make_vector(
+            2, SPRING, observe=POSITION, act={"command.force_n": (-5.0, 5.0)}, reward="settles"
+        )
+        try:
+            observations, _ = several.reset(seed=[3, 3])
+            self.assertEqual(observations.tolist(), [expected.tolist()] * 2)
+            for _ in range(3):
+                expected, *_ = env.step([2.0])
+                observations, *_ = several.step(np.array([[2.0], [2.0]]))
+            self.assertEqual(observations.tolist(), [expected.tolist()] * 2)
+        finally:
+            several.close()
+
+
+if __name__ == "__main__":
+    unittest.main()

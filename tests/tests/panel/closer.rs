@@ -1,0 +1,407 @@
+//! Zoom, cursors and search in a headless Chromium, compared with the records.
+
+use serde_json::{Value, json};
+
+use super::browser::{Play, assert_drawn, begun};
+use super::{Panel, SCENARIO};
+use crate::support::harness::{Rig, Run};
+use crate::support::mcap_reader::Recording;
+use crate::support::programs::shipped;
+
+/// Plays a script on the page of a recorded run; `None` without a browser.
+fn played(rig: &Rig, run: &Run, script: &str, arguments: &[&str]) -> Option<Value> {
+    let panel = Panel::recorded(rig, &run.folder, arguments);
+    Some(Play::closer(script, &panel.url)?.result())
+}
+
+/// Returns the two ends of a range.
+fn range(result: &Value) -> [f64; 2] {
+    [0, 1].map(|nth| result[nth].as_f64().unwrap_or_else(|| panic!("{result}")))
+}
+
+fn assert_near(range: [f64; 2], expected: [f64; 2], tolerance: f64) {
+    let is_near = |(a, b): (f64, f64)| (a - b).abs() <= tolerance;
+    let is_so = range.into_iter().zip(expected).all(is_near);
+    assert!(is_so, "{range:?} is not {expected:?}");
+}
+
+#[test]
+fn every_plot_follows_a_zoom_by_any_means_down_to_each_step() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let Some(output) = played(&rig, &run, "zoom", &[]) else {
+        return;
+    };
+    assert_eq!(output["controls"], json!([]), "{output}");
+    assert_drawn(&output["ink"]);
+    assert_near(range(&output["whole"]), [0.0, 5.0], 1e-9);
+    let dragged = range(&output["dragged"]);
+    assert_near(dragged, [2.0, 3.0], 0.02);
+    let tied = output["tied"].as_array().expect("plots");
+    assert!(tied.len() > 2, "{output}");
+    for plot in tied {
+        assert_near(range(plot), dragged, 1e-9);
+    }
+    // About the pointer, which was in the middle until the labels of the axis became longer.
+    let wheeled = range(&output["wheeled"]);
+    assert!(wheeled[1] - wheeled[0] < 0.1, "{output}");
+    assert_near([(wheeled[0] + wheeled[1]) / 2.0; 2], [2.5; 2], 0.1);
+    assert_eq!(
+        output["after scroll"], output["wheeled"],
+        "a wheel alone scrolls"
+    );
+    let width = wheeled[1] - wheeled[0];
+    let panned = range(&output["panned"]);
+    assert_near(panned, wheeled.map(|end| end - width / 4.0), width / 50.0);
+    assert_near(range(&output["typed"]), [1.2345, 1.2645], 1e-9);
+    assert_near(range(&output["key panned"]), [1.2375, 1.2675], 1e-9);
+    assert_near(range(&output["key zoomed"]), [1.2225, 1.2825], 1e-9);
+    assert_eq!(output["refused"], "a range ends after it begins");
+    assert_near(range(&output["double"]), [0.0, 5.0], 1e-9);
+    assert_eq!(output["cursors"], false, "a double click leaves no cursor");
+    assert_eq!(output["log"], json!(["true", 3]));
+    assert_eq!(output["overflow"], 0);
+    // Each finger moved by a quarter of the width: a tenth of it is now six tenths.
+    let pinched = range(&output["pinched"]);
+    assert_near(pinched, [2.5 - 0.417, 2.5 + 0.417], 0.15);
+    let swiped = range(&output["swiped"]);
+    let moved = 0.3 * (pinched[1] - pinched[0]);
+    assert_near(swiped, pinched.map(|end| end + moved), 0.05);
+
+    // What is drawn is what was recorded.
+    let recording = Recording::open(&run.recording());
+    assert_eq!(assert_recorded(&output["exact"], &recording), 1);
+    assert!(assert_recorded(&output["overview"], &recording) > 1);
+}
+
+/// Compares what a plot draws of a signal with its records; returns the steps of a stretch.
+fn assert_recorded(drawn: &Value, recording: &Recording) -> usize {
+    let column = recording.column(drawn["name"].as_str().expect("a name"));
+    let [first, length] = ["first", "length"].map(|key| {
+        let number = drawn[key].as_u64().expect("a number");
+        usize::try_from(number).expect("small")
+    });
+    let [least, greatest] =
+        ["least", "greatest"].map(|key| drawn[key].as_array().expect("numbers"));
+    assert!(least.len() > 10, "{drawn}");
+    for (nth, (least, greatest)) in (first..).zip(least.iter().zip(greatest)) {
+        let values = &column[nth * length..((nth + 1) * length).min(column.len())];
+        let values = || values.iter().copied().filter(|value| value.is_finite());
+        assert_eq!(least.as_f64(), values().min_by(f64::total_cmp));
+        assert_eq!(greatest.as_f64(), values().max_by(f64::total_cmp));
+    }
+    length
+}
+
+/// Returns the numbers of a signal in a copied table.
+fn figures(text: &str, name: &str) -> Vec<f64> {
+    let row = text.lines().find(|line| line.starts_with(name));
+    let row = row.unwrap_or_else(|| panic!("no {name} in {text}"));
+    let numbers = row.split('\t').skip(2).map(|cell| cell.parse());
+    numbers.map(|number| number.unwrap_or(f64::NAN)).collect()
+}
+
+/// Returns value at both ends, difference, mean, RMS and peak to peak.
+fn expected(part: &[f64]) -> [f64; 6] {
+    let count = part.len() as f64;
+    let (first, last) = (part[0], part[part.len() - 1]);
+    let least = part.iter().copied().min_by(f64::total_cmp).expect("some");
+    let greatest = part.iter().copied().max_by(f64::total_cmp).expect("some");
+    let mean = part.iter().sum::<f64>() / count;
+    let rms = (part.iter().map(|value| value * value).sum::<f64>() / count).sqrt();
+    [first, last, last - first, mean, rms, greatest - least]
+}
+
+fn assert_figures(text: &str, name: &str, part: &[f64]) {
+    let figures = figures(text, name);
+    let expected = expected(part);
+    assert_eq!(figures.len(), 6, "{text}");
+    for (figure, expected) in figures.iter().zip(expected) {
+        let tolerance = 1e-12 * expected.abs() + 1e-18;
+        assert!(
+            (figure - expected).abs() <= tolerance,
+            "{figures:?} {expected:?}"
+        );
+    }
+}
+
+#[test]
+fn two_cursors_measure_every_step_and_give_a_requirement_that_holds() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let Some(output) = played(&rig, &run, "cursors", &[]) else {
+        return;
+    };
+    let text = |key: &str| {
+        output[key]
+            .as_str()
+            .unwrap_or_else(|| panic!("no {key}: {output}"))
+    };
+    assert!(text("single").contains("at A") && !text("single").contains("mean"));
+    let clicked = ["0", "1"].map(|nth| {
+        let nth: usize = nth.parse().expect("a place");
+        output["clicked"][nth]
+            .as_str()
+            .expect("a time")
+            .parse::<f64>()
+            .expect("a number")
+    });
+    assert_near(clicked, [1.0, 2.0], 0.02);
+    assert!(
+        text("table").contains("B - A: 0.5 s, 1/(B - A): 2 Hz"),
+        "{output}"
+    );
+    assert!(text("table").contains("from every step (501)"), "{output}");
+    assert_eq!(text("clipboard").trim_end(), text("text").trim_end());
+    let recording = Recording::open(&run.recording());
+    for name in ["truth.position_m", "command.force_n"] {
+        assert_figures(
+            text("clipboard"),
+            name,
+            &recording.column(name)[1250..=1750],
+        );
+    }
+    assert_eq!(output["cleared"], true);
+
+    // Pasted into the scenario, the requirement is valid, holds, and has no margin left.
+    let requirement = text("requirement");
+    let scenario = rig.write(
+        "pasted.toml",
+        &format!("{}\n{requirement}", shipped(SCENARIO)),
+    );
+    let path = scenario.to_str().expect("text");
+    rig.hil(&["config", "check", path]).expect(0);
+    let judged = rig.run(path).expect(0);
+    let requirements = judged.summary()["requirements"].clone();
+    let pasted = &requirements.as_array().expect("requirements")[2];
+    assert_eq!(pasted["name"], "truth_position_m_1_25s_to_1_75s");
+    assert_eq!(
+        (&pasted["verdict"], &pasted["robustness"]),
+        (&"pass".into(), &0.0.into())
+    );
+}
+
+#[test]
+fn a_held_run_is_looked_back_at_and_measured_from_what_its_panel_kept() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &[]);
+    let Some(play) = Play::closer("back", &panel.url) else {
+        return;
+    };
+    let output = play.result();
+    assert_drawn(&output["ink"]);
+    let range = range(&output["range"]);
+    assert!(range[1] - range[0] < 1.2, "{output}");
+    let length = output["read"][0].as_u64().expect("steps");
+    assert!((1..=4).contains(&length), "{output}");
+    assert_eq!(output["followed"], "");
+    assert_eq!(output["basis"], "from every step (501)");
+    drop(panel);
+    rig.in_session("resume").expect(0);
+    let run = run.finish().expect(0);
+    let recording = Recording::open(&run.recording());
+    let text = output["text"].as_str().expect("text");
+    let name = "truth.position_m";
+    assert_figures(text, name, &recording.column(name)[1250..=1750]);
+}
+
+#[test]
+fn everything_is_found_by_its_name_and_a_fault_asks_before_it_is_injected() {
+    let rig = Rig::new();
+    let dropout = "dropout measured.position_m --duration 0.05";
+    let (run, panel) = begun(&rig, "", &["--inject", dropout]);
+    let Some(play) = Play::closer("palette", &panel.url) else {
+        return;
+    };
+    let output = play.result();
+    assert_eq!(output["dropout"], json!([dropout, "prepared", "fault"]));
+    assert_eq!(output["armed"], json!([true, dropout]));
+    assert_eq!(output["let go"], false, "Enter does not confirm");
+    assert_eq!(output["escaped"], json!([0, false]));
+    assert_eq!(output["kind"][0], "stuck");
+    let kind = output["kind armed"].as_str().expect("words");
+    assert!(kind.starts_with("stuck"), "{output}");
+    assert_eq!(output["mass"][0], "plant.parameters.mass_kg");
+    assert_eq!(output["plot"][0], "Force");
+    assert_eq!(output["second"], 1);
+    assert_eq!(output["focused"][0], "Plot: Force");
+    assert_ne!(output["focused"][1], "none", "the focus is visible");
+    assert_eq!(output["nothing"], json!([]));
+    drop(panel);
+    rig.in_session("resume").expect(0);
+    let summary = run.finish().summary();
+    let faults = summary["faults"].as_array().expect("faults");
+    assert_eq!(faults.len(), 1, "the rest was let go: {summary}");
+    assert_eq!(faults[0]["kind"], "dropout");
+    assert_eq!(summary["changes"][0]["set"][0]["value"], 1.5);
+}
+
+#[test]
+fn any_signal_of_a_recorded_run_is_drawn_and_a_requirement_leads_to_its_time() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let Some(output) = played(&rig, &run, "names", &[]) else {
+        return;
+    };
+    assert_eq!(output["entry"][0], "applied.force_n");
+    assert_eq!(output["plot"]["name"], "applied.force_n");
+    assert_recorded(&output["plot"], &Recording::open(&run.recording()));
+    let settles = &run.summary()["requirements"][0];
+    let at_s = settles["at_s"].as_f64().expect("a time");
+    let cursor = output["cursor"].as_str().expect("a time");
+    assert_eq!(cursor.parse::<f64>().expect("a number"), at_s);
+    let [from, to] = range(&output["range"]);
+    assert!((from..=to).contains(&at_s) && to - from < 2.0, "{output}");
+}
+
+#[test]
+fn a_formula_lists_and_marks_the_intervals_in_which_it_holds() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let Some(output) = played(&rig, &run, "where", &[]) else {
+        return;
+    };
+    let recording = Recording::open(&run.recording());
+    let (truth, reference) = (
+        recording.column("truth.position_m"),
+        recording.column("reference.position_m"),
+    );
+    let holds = |step: usize| (truth[step] - reference[step]).abs() > 2e-3 && truth[step] < 0.011;
+    let (mut intervals, mut count): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
+    for step in (0..truth.len()).filter(|step| holds(*step)) {
+        count += 1;
+        match intervals.last_mut() {
+            Some([_, last]) if *last + 1 == step => *last = step,
+            _ => intervals.push([step, step]),
+        }
+    }
+    assert!(!intervals.is_empty());
+    let text = |step: usize| format!("{}", step as f64 / 1000.0);
+    let expected = intervals.iter().map(|[first, last]| match first == last {
+        true => format!("{} s", text(*first)),
+        false => format!("{} s to {} s", text(*first), text(*last)),
+    });
+    let expected: Vec<String> = expected.collect();
+    assert_eq!(output["list"], json!(expected));
+    let says = output["says"].as_str().expect("text");
+    let plural = if intervals.len() == 1 { "" } else { "s" };
+    let begins = format!("{} interval{plural}, ", intervals.len());
+    assert!(
+        says.starts_with(&begins) && says.ends_with("% of 5001 steps"),
+        "{says}"
+    );
+    let share = count as f64 / truth.len() as f64;
+    for marked in output["marked"].as_array().expect("plots") {
+        let marked = marked.as_f64().expect("a share");
+        assert!(
+            (marked - share).abs() < 0.02,
+            "{marked} of {share}: {output}"
+        );
+    }
+    let range = range(&output["range"]);
+    let [first, last] = intervals[0].map(|step| step as f64 / 1000.0);
+    assert!(range[0] <= first && last <= range[1], "{output}");
+    for (formula, part) in [
+        ("truth.nothing > 1", "truth.nothing"),
+        ("always(truth.position_m < 1)", "give it bounds"),
+        ("truth.position_m >", "expected"),
+        ("truth.position_m < 3 N", "compared"),
+    ] {
+        assert_eq!(output[formula][0], "error", "{output}");
+        let text = output[formula][1].as_str().expect("text");
+        assert!(text.contains(part), "{formula}: {text}");
+    }
+}
+
+#[test]
+fn another_run_is_drawn_behind_the_curves_and_its_difference_is_read() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let heavy = rig.run(&format!(
+        "{SCENARIO} --set plant.parameters.mass_kg=1.5 --set requirements=[]"
+    ));
+    let heavy = heavy.expect(0);
+    let over = heavy.folder.to_str().expect("text").to_owned();
+    let Some(output) = played(&rig, &run, "ghost", &["--over", &over]) else {
+        return;
+    };
+    assert!(output["over"].as_str().expect("text").ends_with(&over));
+    assert!(output["ink"].as_u64() > Some(100), "{output}");
+    let value = |run: &Run| Recording::open(&run.recording()).column("truth.position_m")[600];
+    let (own, other) = (value(&run), value(&heavy));
+    let text = output["text"].as_str().expect("text");
+    assert_ne!(own, other);
+    assert_eq!(figures(text, "truth.position_m"), [own, other, own - other]);
+}
+
+#[test]
+fn the_command_of_a_checkpoint_before_a_cursor_goes_on_from_there() {
+    let rig = Rig::new();
+    let run = rig.run(&format!("{SCENARIO} --checkpoint-at 1.2 --checkpoint-at 3"));
+    let run = run.expect(0);
+    let Some(output) = played(&rig, &run, "branch", &[]) else {
+        return;
+    };
+    let folder = |step: u64| run.folder.join(format!("checkpoint-{step}"));
+    let ends_with = |key: &str, step: u64| {
+        let text = output[key].as_str().expect("text").trim_end();
+        let path = folder(step).display().to_string();
+        let is_plain = path
+            .chars()
+            .all(|one| one.is_ascii_alphanumeric() || "_.,:+/-".contains(one));
+        let word = if is_plain { path } else { format!("'{path}'") };
+        assert_eq!(text, format!("hil run --from {word}"));
+    };
+    ends_with("last", 3000);
+    ends_with("command", 1200);
+    ends_with("clipboard", 1200);
+    assert_eq!(
+        output["says"],
+        "From step 1200 (1.2 s): 0.3 s before cursor A."
+    );
+    assert_eq!(output["none"][1], false);
+    let path = folder(1200).display().to_string();
+    let again = rig.path("again");
+    let words = [
+        "run",
+        "--from",
+        &path,
+        "--out",
+        again.to_str().expect("text"),
+    ];
+    rig.hil(&words).expect(0);
+    let summary = std::fs::read_to_string(again.join("summary.json")).expect("a summary");
+    let summary: Value = serde_json::from_str(&summary).expect("JSON");
+    assert_eq!(summary["digest"], run.digest());
+}
+
+#[test]
+fn log_and_answers_are_in_sight_groups_fold_and_legends_stand_still() {
+    let rig = Rig::new();
+    let (run, panel) = begun(&rig, "", &[]);
+    let Some(play) = Play::closer("fold", &panel.url) else {
+        return;
+    };
+    let output = play.result();
+    assert!(output["log"].as_f64() <= Some(800.0), "{output}");
+    let toast = &output["toast"];
+    let bottom = toast["y"].as_f64().zip(toast["height"].as_f64());
+    assert!(
+        bottom.is_some_and(|(y, height)| y > 0.0 && y + height <= 800.0),
+        "{output}"
+    );
+    assert!(
+        output["text"]
+            .as_str()
+            .expect("text")
+            .starts_with("paused before step")
+    );
+    assert_eq!(output["heights"], 1, "a legend moved: {output}");
+    assert_eq!(
+        [&output["folded"], &output["again"], &output["opened"]],
+        [&json!(false), &json!(false), &json!(true)]
+    );
+    drop(panel);
+    rig.in_session("resume").expect(0);
+    run.finish().expect(0);
+}

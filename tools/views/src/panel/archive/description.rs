@@ -1,0 +1,127 @@
+//! Description of a recorded run in the messages that a page of a session receives.
+
+use std::path::Path;
+
+use hil_facts::results::requirements;
+use hil_recording::reader::{Column, folder_of};
+use serde_json::{Value, json};
+use shared_types::time::{Rate, Step};
+
+use crate::plots::signal::labels;
+use crate::report::plots::Plot;
+use crate::report::run::Run;
+
+/// Maximum number of checkpoints that a page offers.
+const CHECKPOINTS: usize = 200;
+
+/// Describes scenario, signals and plots.
+pub(super) fn about(run: &Run, columns: &[Column], plots: &[Plot]) -> Value {
+    let plan = run.plan();
+    let place = |name: &String| columns.iter().position(|one| one.name == *name);
+    let plots = plots.iter().map(|plot| {
+        let chosen = &plot.chosen;
+        json!({
+            "section": chosen.section,
+            "title": chosen.title,
+            "unit": chosen.unit,
+            "labels": labels(chosen),
+            "signals": chosen.signals.iter().filter_map(place).collect::<Vec<_>>(),
+            "log": chosen.log,
+            "lines": chosen.lines,
+            "limits": chosen.limits,
+        })
+    });
+    let signals = columns.iter();
+    let signals = signals.map(|one| json!({ "name": one.name, "unit": one.unit }));
+    let end_s = run.end_s();
+    json!({
+        "tell": "about",
+        "recorded": true,
+        "session": run.path.display().to_string(),
+        "scenario": plan.map_or_else(|| run.fact("scenario").to_owned(), |plan| plan.name.clone()),
+        "description": plan.map_or("", |plan| &plan.description),
+        "plant": plan.map_or("", |plan| &plan.plant.model),
+        "clock": plan.map_or("", |plan| plan.run.clock.name()),
+        "pace": null,
+        "rate_hz": run.rate.hz(),
+        "steps": run.last.0,
+        "duration_s": end_s,
+        "signals": signals.collect::<Vec<_>>(),
+        "plots": plots.collect::<Vec<_>>(),
+        "readings": null,
+        "window_s": end_s,
+        "buttons": [],
+        "notes": run.notes,
+        "over": null,
+        "checkpoints": checkpoints(&run.path, run.rate),
+    })
+}
+
+/// Describes verdict, requirements and faults.
+pub(super) fn state(run: &Run) -> Value {
+    let sizes = run.outcome.recorded.faults.sizes.as_deref();
+    let faults = run.spans.iter().map(|span| {
+        let step = run.rate.step_at_or_after(span.from_s).0;
+        let ended = span.until_s.map(|until_s| run.rate.step_at_or_after(until_s).0);
+        let own = sizes.unwrap_or_default().iter();
+        let own = own.filter(|one| one.id == span.event && one.step.is_some());
+        let mut effects: Vec<Value> = own.map(|one| json!(one)).collect();
+        if effects.is_empty() {
+            effects.push(json!({ "target": "", "step": step, "ended_step": ended, "max_effect": null, "unit": "" }));
+        }
+        json!({
+            "id": span.event,
+            "kind": span.kind,
+            "source": "",
+            "state": if ended.is_some() { "ended" } else { "active" },
+            "waits_for": null,
+            "effects": effects,
+        })
+    });
+    let requirements = run.requirements.iter().map(|one| {
+        json!({
+            "name": one.name, "verdict": one.verdict, "robustness": one.robustness, "unit": one.unit,
+            "at_least": null, "at_most": null, "decided_at_s": one.decided_at_s, "at_s": one.at_s,
+            "formula": one.formula,
+        })
+    });
+    let last = run.last.0;
+    let verdict = requirements::in_words(&run.verdict, run.requirements.len());
+    json!({
+        "tell": "state",
+        "state": "recorded",
+        "step": last,
+        "time_s": run.rate.seconds(Step(last)),
+        "steps": last,
+        "rate_hz": run.rate.hz(),
+        "faults": faults.collect::<Vec<_>>(),
+        "requirements": requirements.collect::<Vec<_>>(),
+        "lost": 0,
+        "hil_is_stopped": false,
+        "ending": { "verdict": run.verdict, "verdict_in_words": verdict, "outcome": null, "reason": run.reason },
+        "law": run.law(),
+        "told": run.reason,
+    })
+}
+
+/// Lists the checkpoints in the folder of a run, by their steps.
+fn checkpoints(path: &Path, rate: Rate) -> Vec<Value> {
+    let entries = std::fs::read_dir(folder_of(path))
+        .into_iter()
+        .flatten()
+        .flatten();
+    let mut checkpoints: Vec<(u64, String)> = entries
+        .filter_map(|entry| {
+            let name = entry.file_name().into_string().ok()?;
+            let step = name.strip_prefix("checkpoint-")?.parse().ok()?;
+            let is_whole = entry.path().join("checkpoint.json").is_file();
+            is_whole.then(|| (step, entry.path().display().to_string()))
+        })
+        .collect();
+    checkpoints.sort_unstable();
+    checkpoints.truncate(CHECKPOINTS);
+    let json = checkpoints.into_iter().map(|(step, folder)| {
+        json!({ "step": step, "time_s": rate.seconds(Step(step)), "folder": folder })
+    });
+    json.collect()
+}

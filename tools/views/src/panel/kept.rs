@@ -1,0 +1,121 @@
+//! Answers to a page that looks back at a session: from what its panel has kept.
+//!
+//! The newest steps are kept one by one, earlier ones as the least and the greatest values of stretches, which are the
+//! longer the older they are. An answer states their length. Never reads a file.
+
+use tungstenite::Message;
+
+use super::message::ClientMessage;
+use super::reading::{Figures, Measured, Reading, Sums, widen};
+use crate::monitor::history::History;
+use crate::monitor::model::Model;
+
+/// Answers a request; `None` before the first record, and for a request about nothing that is kept.
+pub(super) fn answer(model: &Model, message: &ClientMessage) -> Option<Message> {
+    let newest = model.seen()?;
+    match message {
+        ClientMessage::Read {
+            number,
+            from,
+            to,
+            most,
+            signals,
+            ..
+        } => {
+            let span = [*from.min(&newest), *to.min(&newest)];
+            let shift = shift(span, newest, *most);
+            let reading = read(model, signals, span, shift);
+            Some(reading.encode(*number, false).into())
+        }
+        ClientMessage::Measure {
+            number,
+            from,
+            to,
+            signals,
+            ..
+        } => {
+            let span = [*from.min(&newest), *to.min(&newest)];
+            let measured = measure(model, signals, span, shift(span, newest, u64::MAX));
+            Some(measured.json(*number, false).to_string().into())
+        }
+        ClientMessage::Where { number, .. } => {
+            let text = "a running session is not searched; `hil panel RUN` searches its recording";
+            let answer = serde_json::json!({ "tell": "where", "number": number, "error": text });
+            Some(answer.to_string().into())
+        }
+        _ => None,
+    }
+}
+
+/// Returns the length of the stretches, as a power of two, of which the part of the run has at most so many, and which
+/// are still kept.
+fn shift([from, to]: [u64; 2], newest: u64, most: u64) -> u32 {
+    let needed = (0..u64::BITS).find(|shift| (to >> shift) - (from >> shift) < most);
+    let kept = History::kept_shift(newest - from);
+    needed.unwrap_or(0).max(kept)
+}
+
+/// Returns the history of each of these signals.
+fn histories<'a>(
+    model: &'a Model,
+    signals: &'a [usize],
+) -> impl Iterator<Item = (usize, &'a History)> {
+    let all: Vec<_> = model.histories().collect();
+    let known = signals.iter().filter_map(move |index| {
+        let (_, history) = all.get(*index)?;
+        Some((*index, *history))
+    });
+    known.collect::<Vec<_>>().into_iter()
+}
+
+fn read(model: &Model, signals: &[usize], [from, to]: [u64; 2], shift: u32) -> Reading {
+    let first = from >> shift;
+    let count = (to >> shift) - first + 1;
+    let signals = histories(model, signals).map(|(index, history)| {
+        let ranges = history.stretches(first, count, shift);
+        let ends = ranges.map(|range| range.map_or([f64::NAN; 2], |one| [one.min, one.max]));
+        (index, ends.collect())
+    });
+    Reading {
+        first: first << shift,
+        length: 1 << shift,
+        count: count as usize,
+        signals: signals.collect(),
+    }
+}
+
+fn measure(model: &Model, signals: &[usize], [from, to]: [u64; 2], shift: u32) -> Measured {
+    let reading = read(model, signals, [from, to], shift);
+    let signals = reading.signals.iter().map(|(index, stretches)| {
+        if reading.length == 1 {
+            let mut sums = Sums::default();
+            for (step, [value, _]) in (from..).zip(stretches) {
+                sums.take(*value, [step == from, step == to]);
+            }
+            return sums.figures(*index);
+        }
+        let mut ends = [f64::NAN; 2];
+        for value in stretches.as_flattened() {
+            widen(&mut ends, *value);
+        }
+        let single = |stretch: Option<&[f64; 2]>| match stretch {
+            Some([least, greatest]) if least == greatest => *least,
+            _ => f64::NAN,
+        };
+        Figures {
+            signal: *index,
+            at: [single(stretches.first()), single(stretches.last())],
+            mean: f64::NAN,
+            rms: f64::NAN,
+            least: ends[0],
+            greatest: ends[1],
+            count: 0,
+        }
+    });
+    Measured {
+        from,
+        to,
+        length: reading.length,
+        signals: signals.collect(),
+    }
+}
