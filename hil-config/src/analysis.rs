@@ -11,6 +11,7 @@ mod low_end;
 mod sine_fit;
 mod step_response;
 
+pub use frequency_response::Response;
 pub use sine_fit::SineFit;
 
 use shared_types::time::{Rate, Step};
@@ -152,6 +153,14 @@ impl RunningAnalysis {
 
     pub(crate) fn name(&self) -> &str {
         &self.name
+    }
+
+    /// Returns the response of the rows so far, if the analysis is a frequency response.
+    pub(crate) fn responses(&self) -> Option<Vec<Response>> {
+        match &self.work {
+            AnalysisState::Frequency { response, .. } => Some(response.responses()),
+            AnalysisState::Step { .. } | AnalysisState::Detection { .. } => None,
+        }
     }
 
     /// Returns the figures of the rows so far.

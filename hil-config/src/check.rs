@@ -379,7 +379,17 @@ fn parts(
     };
     let analyses = analyses::check(reader, &analysed, &context);
     let name_of_law = law.map(|law| law.name.as_str());
-    let plots = plots::check(reader, root, columns.as_ref(), name_of_law, laws);
+    let plots = {
+        let responses = analysed.iter();
+        let responses = responses.filter(|one| one.kind == "frequency-response");
+        let context = plots::PlotContext {
+            columns: columns.as_ref(),
+            law: name_of_law,
+            laws,
+            responses: responses.map(|one| one.name).collect(),
+        };
+        context.check(reader, root)
+    };
     let panel = panel::check(reader, root, columns.as_ref(), &changed);
     let owners = belonging::Owners {
         plant,

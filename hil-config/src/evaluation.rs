@@ -7,7 +7,7 @@ use serde::Serialize;
 use shared_types::table::canonical;
 use shared_types::time::{Rate, Step};
 
-use crate::analysis::RunningAnalysis;
+use crate::analysis::{Response, RunningAnalysis};
 use crate::expression::{Accumulator, Columns, ExpressionError, Group, Program, Reduction};
 use crate::plan::{BoundSource, Metric, Plan, Window};
 use crate::requirements::{RequirementValue, Requirements};
@@ -117,6 +117,12 @@ impl Evaluation {
             analysis.observe(step, self.rate, &self.row);
         }
         self.requirements.observe(step, &self.row);
+    }
+
+    /// Returns the responses of the rows so far, each with the name of its metric.
+    pub fn responses(&self) -> impl Iterator<Item = (&str, Vec<Response>)> {
+        let analyses = self.analyses.iter();
+        analyses.filter_map(|analysis| Some((analysis.name(), analysis.responses()?)))
     }
 
     /// Records that a fault event takes effect at a step whose row is still to come.

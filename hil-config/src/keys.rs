@@ -61,7 +61,7 @@ pub(crate) use changes::LIVE_CHANGE;
 pub(crate) use faults::{EFFECT, PROFILE, PROFILES, REQUEST, TARGET, TRIGGERS};
 pub(crate) use instruments::{ACTUATOR, SENSOR};
 pub(crate) use metrics::{EXPRESSION, METRIC, METRICS, PUBLISHED};
-pub(crate) use plots::{PANEL, PLOT};
+pub(crate) use plots::{PANEL, PLOT, PLOTS};
 pub(crate) use port::{FIELD, FIELDS, MEDIA, MEDIUM, MOST_FIELDS, MOST_FRAMES, PORT};
 pub(crate) use realtime::REALTIME;
 pub(crate) use requirements::REQUIREMENT;
@@ -273,7 +273,7 @@ pub(crate) const SCENARIO: &[Key] = keys! {
         "Numbers computed from the records: reductions over windows of time, or ready-made analyses.";
     requirements: KeyKind::List(REQUIREMENT), "Conditions that the run must meet to pass.";
     plots: KeyKind::List(PLOT),
-        "First plots of the report, the monitor and the layouts of the run; the run does not depend on them.";
+        "First plots of the report, the monitor and the layouts of the run, and its figures for documents; the run does not depend on them.";
     panel: KeyKind::Section(PANEL),
         "Contents of `hil panel` beside the plots; the run does not depend on them.";
 };

@@ -29,7 +29,7 @@ mod reader;
 mod source;
 mod title;
 
-pub use analysis::SineFit;
+pub use analysis::{Response, SineFit};
 
 pub mod bus;
 pub mod condition;

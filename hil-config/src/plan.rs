@@ -45,7 +45,7 @@ pub use fault::{
 pub(crate) use input::PLANT_TARGET;
 pub use input::driven;
 pub use instrument::{Instrument, Stage};
-pub use plot::{Panel, Plot, Scale};
+pub use plot::{Panel, Plot, PlotKind, Scale, SpectralWindow, SpectrumPlan};
 pub use probe::{Probe, Tone, cut_fields};
 pub use requirement::{Requirement, Trace};
 pub use stimulus::{INPUT_KEYS, Stimulus};

@@ -10,7 +10,7 @@ use shared_types::describe::{FaultKindDescription, LawDescription, PlantDescript
 use shared_types::number::unit_shown;
 use shared_types::table::Field;
 
-use crate::keys::{self, Key, KeyKind, METRICS, WAVEFORMS};
+use crate::keys::{self, Key, KeyKind, METRICS, PLOTS, SectionKind, WAVEFORMS};
 use crate::quantity::Quantity;
 use crate::reader::describe;
 
@@ -58,7 +58,8 @@ pub fn schema(
         }
     }
     properties["stimuli"]["items"] = stimulus();
-    properties["metrics"]["items"] = metric();
+    properties["metrics"]["items"] = of_optional_kinds(keys::METRIC, METRICS);
+    properties["plots"]["items"] = of_optional_kinds(keys::PLOT, PLOTS);
     faults::complete(&mut properties["faults"]["items"], plants, kinds);
     root
 }
@@ -305,21 +306,17 @@ fn stimulus() -> Value {
     stimulus
 }
 
-/// Returns the schema of a metric: the common keys, and those of each kind. A metric without a kind is an expression.
-fn metric() -> Value {
-    let kinds = METRICS.iter();
-    let mut metric = of_kinds(
-        keys::METRIC,
-        kinds.map(|kind| (kind.name, kind.text, kind.keys)),
-    );
-    for (one, kind) in (metric["oneOf"].as_array_mut().into_iter().flatten()).zip(METRICS) {
-        if kind.name != "expression"
-            && let Some(required) = one["required"].as_array_mut()
-        {
+/// Returns the schema of a table whose first kind is the default: the common keys, and those of each kind.
+fn of_optional_kinds(common: &[Key], kinds: &[SectionKind]) -> Value {
+    let all = kinds.iter();
+    let mut schema = of_kinds(common, all.map(|kind| (kind.name, kind.text, kind.keys)));
+    let others = schema["oneOf"].as_array_mut().into_iter().flatten().skip(1);
+    for other in others {
+        if let Some(required) = other["required"].as_array_mut() {
             required.push(json!("kind"));
         }
     }
-    metric
+    schema
 }
 
 /// Returns the schema of a table whose keys depend on its `kind`: name, text and keys of each kind.

@@ -44,12 +44,14 @@ struct Point {
 }
 
 /// Response at a frequency.
-#[derive(Clone, Copy, Debug)]
-struct Response {
-    frequency_hz: f64,
-    gain: f64,
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Response {
+    /// Frequency.
+    pub frequency_hz: f64,
+    /// Ratio of the amplitudes of output and input.
+    pub gain: f64,
     /// Unwrapped phase in rad; negative where the output lags.
-    phase_rad: f64,
+    pub phase_rad: f64,
 }
 
 impl FrequencyResponse {
@@ -101,7 +103,7 @@ impl FrequencyResponse {
     }
 
     /// Returns the response at the first frequency, followed by that of each point.
-    fn responses(&self) -> Vec<Response> {
+    pub(super) fn responses(&self) -> Vec<Response> {
         let low = self.low_end.response().map(|(real, imaginary)| Response {
             frequency_hz: self.chirp.start_hz(),
             gain: libm::hypot(real, imaginary),

@@ -11,7 +11,7 @@ use shared_types::layout::schema_name;
 use shared_types::table::Field;
 use shared_types::time::Rate;
 
-use super::{AnalysisKind, DerivedSource, Instrument, Plan, Stage, Trigger};
+use super::{AnalysisKind, DerivedSource, Instrument, Plan, Plot, Stage, Trigger};
 use crate::expression::{Columns, Expression, Group};
 
 /// Groups of the taps of sensors and of actuators.
@@ -213,7 +213,7 @@ impl Plan {
         for expression in conditions.filter_map(|one| Expression::parse(&one.expression).ok()) {
             names.extend(expression.signals().map(Into::into));
         }
-        let plotted = self.plots.iter().flat_map(|plot| &plot.signals);
+        let plotted = self.plots.iter().flat_map(Plot::read_signals);
         names.extend(plotted.chain(&self.panel.readings).cloned());
         names
     }

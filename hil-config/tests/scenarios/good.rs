@@ -2,8 +2,8 @@
 
 use hil_config::formula::Formula;
 use hil_config::plan::{
-    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Panel, Plan, Plot, Profile,
-    Programs, Realtime, Requirement, Scale, Trace, Trigger, Waveform,
+    Clock, FaultAction, FaultEffect, FaultEnd, FaultSource, Move, Panel, Plan, Plot, PlotKind,
+    Profile, Programs, Realtime, Requirement, Scale, Trace, Trigger, Waveform,
 };
 use proptest::prelude::*;
 use shared_types::describe::{Operation, Settings};
@@ -57,6 +57,10 @@ fn the_base_has_the_documented_meaning() {
     assert_eq!(requirements, [expected]);
     let error = Plot {
         title: "Error".into(),
+        kind: PlotKind::Time,
+        name: None,
+        caption: None,
+        span_s: [None; 2],
         signals: vec!["error_rad".into(), "internal.fault_detected".into()],
         laws: vec!["ftsc".into()],
         scale: Scale::Log,
@@ -64,6 +68,10 @@ fn the_base_has_the_documented_meaning() {
     };
     let surface = Plot {
         title: "Surface".into(),
+        kind: PlotKind::Time,
+        name: None,
+        caption: None,
+        span_s: [None; 2],
         signals: vec!["truth.surface_angle_rad".into()],
         laws: Vec::new(),
         scale: Scale::Linear,

@@ -366,7 +366,7 @@ pub fn deliver(
 }
 
 /// Returns the failure for a file that could not be completed.
-fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
+pub(crate) fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
     match error.kind() {
         ErrorKind::AlreadyExists => Failure::usage(error),
         _ => cannot_write(path, error),

@@ -12,6 +12,7 @@ extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
 pub mod export;
+pub(crate) mod figures;
 pub mod layout;
 pub mod monitor;
 pub mod offline_page;

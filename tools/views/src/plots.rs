@@ -10,7 +10,7 @@ pub mod words;
 
 use glob::Pattern;
 use hil_config::expression::Group;
-use hil_config::plan::{Derived, FaultAction, Plan, Scale};
+use hil_config::plan::{Derived, FaultAction, Plan, PlotKind, Scale};
 use serde::Serialize;
 use shared_types::record::RecordLayout;
 
@@ -69,10 +69,10 @@ pub struct Plot {
 /// Level with which a requirement compares a signal.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
-    level: f64,
-    from_s: f64,
-    until_s: f64,
-    requirement: String,
+    pub(crate) level: f64,
+    pub(crate) from_s: f64,
+    pub(crate) until_s: f64,
+    pub(crate) requirement: String,
 }
 
 /// Run for which plots are selected.
@@ -197,7 +197,7 @@ fn plot(section: &'static str, signals: &[Signal<'_>]) -> Plot {
 }
 
 /// Adds the limits of requirements on a plot's signals.
-fn limit(plot: &mut Plot, subjects: &[Subject<'_>]) {
+pub(crate) fn limit(plot: &mut Plot, subjects: &[Subject<'_>]) {
     let bounds = subjects.iter().flat_map(|subject| &subject.bounds);
     for bound in bounds.filter(|bound| plot.signals.contains(&bound.side.signal)) {
         if let Other::Level(level) = bound.other {
@@ -225,10 +225,11 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    /// Adds the plots that scenarios define.
+    /// Adds the plots over time that scenarios define.
     fn figures(&mut self) {
         let subjects = self.choice.subjects;
-        for plot in self.plans().flat_map(|plan| &plan.plots) {
+        let plots = self.plans().flat_map(|plan| &plan.plots);
+        for plot in plots.filter(|plot| plot.kind == PlotKind::Time) {
             // Runs of other scenarios may have the signals too.
             let shows = |run: &usize| subjects[*run].laws.iter().any(|law| plot.is_for(law));
             let indices: Vec<usize> = (0..subjects.len()).filter(shows).collect();

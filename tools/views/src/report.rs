@@ -33,6 +33,7 @@ use shared_types::table::near;
 
 use crate::arguments::report::ReportArguments;
 use crate::export::deliver;
+use crate::figures;
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 use grid::Grid;
@@ -60,6 +61,9 @@ struct Written {
 /// If a run cannot be read or lacks a requested signal, or the file cannot be written. If a run is damaged, the error
 /// comes after the page has been written with all readable data.
 pub fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
+    if let Some(folder) = &arguments.figures {
+        return figures::write(arguments, folder);
+    }
     let path = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
     if arguments.json && path.is_none() {
         return Err(Failure::usage(
@@ -157,7 +161,8 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
         signals: data.signals(),
         bytes: 0,
     };
-    let text = page::page(&runs, &plots, &data)?;
+    let figures = figures::for_page(arguments)?;
+    let text = page::page(&runs, &plots, &figures::markup(&figures), &data)?;
     let bytes = text.len();
     let read = runs.iter().filter(|run| run.outcome.damage.is_none());
     let caveats = read.filter_map(|run| run.outcome.reader.caveat());

@@ -74,6 +74,11 @@ pub(super) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
             "a campaign has no recorded signals; --signal and --scenario apply to runs, and hil campaign case DIR N runs a case",
         ));
     }
+    if arguments.figures.is_some() || arguments.margins.is_some() {
+        return Err(Failure::usage(
+            "a campaign has no recorded signals; --figures and --margins apply to runs, and hil campaign case DIR N runs a case",
+        ));
+    }
     let folder = open(path)?;
     let out = Some(arguments.output.as_path()).filter(|path| *path != Path::new("-"));
     write(&folder, out, arguments.force, arguments.json)

@@ -117,7 +117,7 @@ impl RecordedRun {
     ///
     /// # Errors
     /// If the scenario cannot be read, or does not fit the run.
-    pub(crate) fn judged_by(mut self, other: &Path) -> Result<Self, Failure> {
+    pub fn judged_by(mut self, other: &Path) -> Result<Self, Failure> {
         let path_text = other.display();
         let text = read_regular(other)
             .map_err(|error| Failure::usage(format!("cannot read {path_text}: {error}")))?;

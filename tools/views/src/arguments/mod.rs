@@ -6,3 +6,4 @@ pub mod monitor;
 pub mod panel;
 pub mod report;
 pub mod values;
+mod width;

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 use hil_console::files::runs::run_path;
 
+use super::width::Width;
+
 /// Text behind the options in the help of `hil report`.
 pub const EXAMPLES: &str = "\
 One HTML file that needs no network: plots that zoom and share a cursor, shaded faults, requirements
@@ -14,6 +16,10 @@ scenario chooses the first plots of its report; every other signal can be added 
 The folder of a campaign gives a page of all its cases: probabilities, margins over the varied
 values, and a map of pass and fail. Dragging over a plot selects cases in all plots.
 
+With --figures each plot of the scenario is written as an SVG and a PDF of its own, for a document:
+with titles of axes, units and a legend, in the width of a column, the same bytes every time.
+captions.tex has their captions in order.
+
 Exit codes: 0 written; 2 no such run or signal, the file exists or cannot be created, or a run is
 damaged: then the page shows its readable part; 3 the file cannot be written completely.
 
@@ -22,7 +28,8 @@ Examples:
   hil report runs/pid runs/nrsc runs/ftsc -o laws.html
   hil report runs/demo --signal 'truth.*_pa' --force
   hil report runs/common-mode -o campaign.html
-  hil report runs/old --scenario scenarios/severe-leakage.toml";
+  hil report runs/old --scenario scenarios/severe-leakage.toml
+  hil report runs/demo --figures paper/figures --width 85mm";
 
 /// Arguments of `hil report`.
 #[derive(Clone, Debug, Args)]
@@ -33,13 +40,22 @@ pub struct ReportArguments {
     /// File to write, or - for standard output
     #[arg(short, long, value_name = "FILE", default_value = "report.html")]
     pub output: PathBuf,
+    /// Write each plot of the scenario as SVG and PDF to this folder, instead of a page
+    #[arg(long, value_name = "DIR", conflicts_with = "output")]
+    pub figures: Option<PathBuf>,
+    /// Width of the figures, in mm, cm, in or pt
+    #[arg(long, value_name = "WIDTH", value_parser = Width::parse, default_value = "85mm", requires = "figures")]
+    pub width: Width,
+    /// Open loops of the plots of kind bode and nichols that name no metric, as hil margins -o writes them
+    #[arg(long, value_name = "FILE.csv")]
+    pub margins: Option<PathBuf>,
     /// Additional signal to plot, or a pattern with * and ?; may be given several times
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
     /// Take derived signals, metrics, requirements and plots from this scenario [default: each run's own]
     #[arg(long, value_name = "SCENARIO.toml")]
     pub scenario: Option<PathBuf>,
-    /// Overwrite an existing file
+    /// Overwrite existing files
     #[arg(long)]
     pub force: bool,
     /// Print the result as JSON

@@ -13,13 +13,13 @@ const SHORT: usize = 16;
 
 /// Signal that can be plotted.
 #[derive(Clone, Copy)]
-pub(super) struct Signal<'a> {
+pub(crate) struct Signal<'a> {
     /// Full name, for example `truth.force_fight_n`.
-    pub(super) column: &'a str,
+    pub(crate) column: &'a str,
     /// Group; empty for derived signals and for times.
-    pub(super) group: &'a str,
-    pub(super) name: &'a str,
-    pub(super) unit: &'a str,
+    pub(crate) group: &'a str,
+    pub(crate) name: &'a str,
+    pub(crate) unit: &'a str,
 }
 
 impl<'a> Signal<'a> {
@@ -27,7 +27,7 @@ impl<'a> Signal<'a> {
         Self::of_name(&column.name, &column.unit)
     }
 
-    pub(super) fn of_name(column: &'a str, unit: &'a str) -> Self {
+    pub(crate) fn of_name(column: &'a str, unit: &'a str) -> Self {
         let (group, name) = apart(column).unwrap_or(("", column));
         Self {
             column,
@@ -38,7 +38,7 @@ impl<'a> Signal<'a> {
     }
 
     /// Splits the unit off the end of the name.
-    fn stem(&self) -> (&'a str, &'a str) {
+    pub(crate) fn stem(&self) -> (&'a str, &'a str) {
         let words = self.name.match_indices('_').map(|(place, _)| place);
         let unit = words
             .filter(|place| spells(&self.name[place + 1..], self.unit))
@@ -67,7 +67,7 @@ impl<'a> Signal<'a> {
     }
 
     /// Returns the words of the name without numbers.
-    pub(super) fn words(&self) -> impl Iterator<Item = &'a str> {
+    pub(crate) fn words(&self) -> impl Iterator<Item = &'a str> {
         let words = self.stem().0.split('_');
         words.map(|word| word.trim_end_matches(|c: char| c.is_ascii_digit()))
     }

@@ -74,7 +74,7 @@ fn common(names: &[String]) -> Option<String> {
 
 /// Returns the part of a description that names the signal: the text before the first aside, without the full stop.
 /// `None` if that explains rather than names.
-fn name_in(description: &str) -> Option<String> {
+pub(crate) fn name_in(description: &str) -> Option<String> {
     let end = description.find([',', ';', '\n', ':']);
     let mut name = &description[..end.unwrap_or(description.len())];
     if let Some((before, _)) = name.split_once(" (") {
@@ -86,7 +86,7 @@ fn name_in(description: &str) -> Option<String> {
 }
 
 /// Spells a name out: `truth.force_fight_n` in N is `Force fight`. An expression remains as it is.
-fn spelled(column: &str, unit: &str) -> String {
+pub(crate) fn spelled(column: &str, unit: &str) -> String {
     let is_name = |text: &str| {
         text.chars()
             .all(|one| one.is_ascii_alphanumeric() || matches!(one, '_' | '.'))
@@ -117,12 +117,12 @@ fn without_unit(name: &str, unit: &str) -> String {
     label.trim().to_owned()
 }
 
-fn capital(text: &str) -> String {
+pub(crate) fn capital(text: &str) -> String {
     cased(text, |first| first.to_uppercase().collect())
 }
 
 /// Lowers the first letter of a word that is no abbreviation.
-fn lower(text: &str) -> String {
+pub(crate) fn lower(text: &str) -> String {
     let second = text.chars().nth(1);
     match second.is_some_and(char::is_lowercase) {
         true => cased(text, |first| first.to_lowercase().collect()),

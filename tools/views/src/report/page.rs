@@ -15,7 +15,12 @@ pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// Renders the whole page: the answer first, latency last unless a run asked for timing.
-pub(crate) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, Failure> {
+pub(crate) fn page(
+    runs: &[Run],
+    plots: &[Plot],
+    figures: &Markup,
+    data: &Data,
+) -> Result<String, Failure> {
     let title = title(runs);
     let deciding = first::deciding(runs, plots);
     let asks_for_timing = runs.iter().any(Run::asks_for_timing);
@@ -50,6 +55,7 @@ pub(crate) fn page(runs: &[Run], plots: &[Plot], data: &Data) -> Result<String, 
                 h2 { "Plots" }
                 noscript { p.note { "Plots need a browser with JavaScript; the tables do not." } }
                 (sections(plots, &rest))
+                (figures)
             }
             (picker(data))
             @if asks_for_timing { (latency) }
