@@ -218,9 +218,9 @@ mod tests {
                     assert_eq!(why, head);
                     continue;
                 }
-                ..12 => 1,
-                ..17 => 2,
-                ..22 => 3,
+                HEADER..12 => 1,
+                12..17 => 2,
+                17..22 => 3,
                 _ => 4,
             };
             let cut = format!("it ends in frame {number} of the 4 that it announces");
