@@ -66,7 +66,11 @@ mod tests {
     fn a_jump_at_the_point_is_refused_with_its_height() {
         let cases: [(Function, f64, [f64; 2]); 7] = [
             // A relay whose value at 0 is between both sides.
-            (|x| if x == 0.0 { 0.0 } else { x.signum() }, 0.0, [1.0; 2]),
+            (
+                |x| if x == 0.0 { 0.0 } else { 1.0_f64.copysign(x) },
+                0.0,
+                [1.0; 2],
+            ),
             // A threshold: the value at the point is that of one side.
             (|x| if x > 2.0 { x + 5.0 } else { x }, 2.0, [0.0, 5.0]),
             (|x| if x < 2.0 { x - 5.0 } else { x }, 2.0, [5.0, 0.0]),
