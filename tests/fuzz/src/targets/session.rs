@@ -124,6 +124,7 @@ fn resume(path: &Path) -> Checkpoints {
         resume: Some(Resume {
             step: Step(3),
             state: path.to_owned(),
+            memory: None,
         }),
         ..Checkpoints::default()
     }
