@@ -210,7 +210,7 @@ fn time(plot: &Plot, parts: &[Part<'_>]) -> Result<(Chart, Table), String> {
         let values = || curve.parts.iter().flatten().map(|[_, value]| *value);
         let least = values().fold(f64::INFINITY, smaller);
         let greatest = values().fold(f64::NEG_INFINITY, larger);
-        let last = values().last().unwrap_or(f64::NAN);
+        let last = values().next_back().unwrap_or(f64::NAN);
         let name = if curve.label.is_empty() {
             &quantity.title
         } else {

@@ -17,7 +17,7 @@ pub(super) fn file(scene: &Scene) -> String {
     let style = format!(
         "<style>@font-face{{font-family:{NAME};src:url(data:font/ttf;base64,{font})}}</style>\n"
     );
-    let text = svg(scene, "figure", &style, |colour| hex(colour));
+    let text = svg(scene, "figure", &style, hex);
     format!("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n{text}")
 }
 
