@@ -22,7 +22,7 @@ import numpy as np
 
 PROGRAM = os.environ.get("HIL_BIN")
 SPRING = CLONE / "scenarios" / "spring-mass.toml"
-POSITION = ["truth.position_m", "truth.velocity_m_s"]
+POSITION = ["truth.position_m", "truth.velocity_mps"]
 IS_POSSIBLE = PROGRAM and importlib.util.find_spec("gymnasium")
 if not IS_POSSIBLE:
     print("skipped: test_gym needs HIL_BIN and gymnasium")
@@ -60,13 +60,13 @@ class Environments(unittest.TestCase):
 
         for arguments in (
             {},
-            {"act": ["reference.position_m"], "steps_per_action": 50},
+            {"act": {"reference.position_m": (0.0, 0.02)}, "steps_per_action": 50},
             {"act": {"controller.pid.proportional_n_per_m": (100.0, 900.0)}, "reward": "tracking_error_m"},
         ):
             with self.subTest(**arguments), warnings.catch_warnings():
                 warnings.simplefilter("error")
-                # It asks for limits of observations, which signals do not have, and for nothing else.
-                warnings.filterwarnings("ignore", message=".*(infinity|render|Box observation).*")
+                # It recommends limits of observations, which signals do not have, and actions from -1 to 1.
+                warnings.filterwarnings("ignore", message=".*(infinity|render|Box observation|symmetric and normalized).*")
                 check_env(self.env(**arguments), skip_render_check=True)
 
     def test_a_constant_force_moves_the_mass_as_the_closed_form_does(self):
@@ -87,14 +87,14 @@ class Environments(unittest.TestCase):
             self.assertAlmostEqual(observation[1], speed_m_s, delta=1e-8)
 
     def test_the_return_of_an_episode_is_the_robustness_that_the_command_line_judges(self):
-        gain = "controller.pid.proportional_n_per_m"
-        run = hil.run(SPRING, link="in-process", set={gain: 250.0})
-        env = self.env(set={gain: 250.0}, act={gain: (0.0, 1000.0)})
-        rewards, _, terminated, truncated, info = self.episode(env, [250.0])
+        gain = "controller.pid.integral_n_per_m_s"
+        run = hil.run(SPRING, link="in-process", set={gain: 150.0})
+        env = self.env(set={gain: 150.0}, act={gain: (0.0, 1000.0)})
+        rewards, _, terminated, truncated, info = self.episode(env, [150.0])
         self.assertAlmostEqual(sum(rewards), run.verdicts["settles"].robustness, delta=1e-12)
         self.assertEqual((terminated, truncated, info["verdict"]), (True, False, "fail"))
-        breaker = self.env(set={gain: 250.0}, act={gain: (0.0, 1000.0)}, reward="-settles")
-        opposite = self.episode(breaker, [250.0])[0]
+        breaker = self.env(set={gain: 150.0}, act={gain: (0.0, 1000.0)}, reward="-settles")
+        opposite = self.episode(breaker, [150.0])[0]
         self.assertEqual(opposite, [-reward for reward in rewards])
 
     def test_an_episode_is_truncated_at_the_end_and_repeated_by_the_command_line(self):
@@ -110,14 +110,16 @@ class Environments(unittest.TestCase):
     def test_a_run_that_diverges_terminates_the_episode(self):
         env = self.env(act={"command.force_n": (-1e9, 1e9)})
         *_, terminated, truncated, info = self.episode(env, [1e9])
-        self.assertEqual((terminated, truncated, info["verdict"]), (True, False, "fail"))
+        self.assertEqual((terminated, truncated, info["verdict"]), (True, False, "aborted"))
+        self.assertIn("velocity_mps", info["reason"])
 
     def test_a_seed_repeats_the_noise_of_an_episode(self):
         pathlib.Path("noisy.toml").write_text(
             SPRING.read_text()
-            + '\n[[faults]]\nkind = "noise"\ntarget = "measured.position_m"\nat_s = 0.0\ndeviation = 1e-4\n'
+            + '\n[[faults]]\nkind = "noise"\nat_s = 0.0\n'
+            + '[[faults.effects]]\ntarget = "measured.position_m"\nstandard_deviation = 1e-4\n'
         )
-        env = self.env(scenario="noisy.toml", observe=["measured.position_m", "sample.position_m"])
+        env = self.env(scenario="noisy.toml", observe=["measured.position_m"])
 
         def beginning(seed):
             env.reset(seed=seed)
@@ -133,6 +135,7 @@ class Environments(unittest.TestCase):
             ({"observe": ["truth.positon_m"]}, "truth.position_m"),
             ({"act": ["command.force"]}, "command.force_n"),
             ({"act": {"command.force_n": (5, -5)}}, "limits of `command.force_n`"),
+            ({"act": ["reference.position_m"]}, "has no range"),
             ({"reward": "setles"}, "settles"),
             ({"steps_per_action": 0}, "at least one step"),
             ({"law": object}, "takes the place of the law"),

@@ -14,6 +14,7 @@ It needs `gymnasium`, which the package does not require.
 
 from __future__ import annotations
 
+import math
 import os
 from functools import partial
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
@@ -47,7 +48,7 @@ class Env(gymnasium.Env[Values, Values]):
 
     `observe` lists signals; `act` the values that the agent chooses, each with its limits: commands, in place of those
     of the law, or anything that `hil set` changes, such as `reference.position_m`. A list without limits takes the
-    range that the scenario or the plant declares.
+    ranges that plant and law declare.
 
     `reward` is the name of a signal, whose value is the reward; the name of a requirement, whose robustness is the
     return of an episode, because each reward is what a step added to it; `-` before a name turns its sign, for an agent
@@ -134,6 +135,8 @@ class Env(gymnasium.Env[Values, Values]):
             least, most = limits.get(name) or ranges[name]
             if not (least < most and ranges[name][0] <= least and most <= ranges[name][1]):
                 raise SessionError(f"the limits of `{name}` are {least} to {most}; they must be within {ranges[name]}")
+            if not math.isfinite(most - least):
+                raise SessionError(f"`{name}` has no range; give its limits, as in act={{{name!r}: (-1.0, 1.0)}}")
             low.append(least)
             high.append(most)
         self._low, self._high = np.array(low, np.float64), np.array(high, np.float64)
