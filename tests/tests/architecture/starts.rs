@@ -6,7 +6,7 @@ use std::path::Path;
 use crate::support::programs::workspace;
 
 /// Tools that tests start without the rig, as spelled in the sources; they start none of our programs.
-const TOOLS: [&str; 21] = [
+const TOOLS: [&str; 24] = [
     "\"cat\"",
     "\"cc\"",
     "\"cmake\"",
@@ -18,6 +18,9 @@ const TOOLS: [&str; 21] = [
     "\"node\"",
     "\"npm\"",
     "\"parallel\"",
+    "\"pdffonts\"",
+    "\"pdfinfo\"",
+    "\"pdftotext\"",
     "\"rustc\"",
     "\"rustup\"",
     "\"sleep\"",

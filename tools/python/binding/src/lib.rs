@@ -7,7 +7,8 @@
 //! 4. [`side`] makes plants and laws of Python classes, and is the process of such a side; [`class`](mod@class) keeps
 //!    those of sessions.
 //! 5. [`evaluation`] runs a scenario at many points, on all cores.
-//! 6. [`agent`] chooses the commands of a session in place of a law, for environments of agents that learn.
+//! 6. [`agent`] chooses the commands of a session in place of a law, and [`environment`] executes the steps between its
+//!    choices.
 //!
 //! [`bound`] keeps what is not made for several threads in the thread that made it, and [`failure`] turns the failures
 //! of `hil` into the exceptions of `hil.errors`. A session installs no signal handler, and starts neither thread nor
@@ -16,6 +17,7 @@
 mod agent;
 mod bound;
 mod class;
+mod environment;
 mod evaluation;
 mod failure;
 mod observer;
@@ -33,7 +35,9 @@ mod _native {
     use pyo3::prelude::*;
 
     #[pymodule_export]
-    use crate::agent::{Agent, play};
+    use crate::agent::Agent;
+    #[pymodule_export]
+    use crate::environment::play;
     #[pymodule_export]
     use crate::evaluation::evaluate_points;
     #[pymodule_export]
