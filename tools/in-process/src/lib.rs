@@ -84,6 +84,12 @@ impl Kinds {
         })
     }
 
+    /// Returns `true` if these are the same plant and law, not only others of the same names.
+    #[must_use]
+    pub fn are(self, other: Self) -> bool {
+        std::ptr::eq(self.plant, other.plant) && std::ptr::eq(self.law, other.law)
+    }
+
     /// Validates a plant's job as `--check` of its program does.
     ///
     /// # Errors

@@ -75,6 +75,8 @@ class Env(gymnasium.Env[Values, Values]):
         if steps_per_action < 1:
             raise SessionError(f"steps_per_action is {steps_per_action}; an action takes at least one step")
         names = list(act)
+        if not names:
+            raise SessionError("act is empty; name at least one value that the agent chooses")
         commands = [name for name in names if name.startswith("command.")]
         tuned = [name for name in names if name not in commands]
         values = dict(set or {})
@@ -133,7 +135,9 @@ class Env(gymnasium.Env[Values, Values]):
         low, high = [], []
         for name in names:
             least, most = limits.get(name) or ranges[name]
-            if not (least < most and ranges[name][0] <= least and most <= ranges[name][1]):
+            if not least < most:
+                raise SessionError(f"the limits of `{name}` are {least} to {most}; the first must be below the second")
+            if not (ranges[name][0] <= least and most <= ranges[name][1]):
                 raise SessionError(f"the limits of `{name}` are {least} to {most}; they must be within {ranges[name]}")
             if not math.isfinite(most - least):
                 raise SessionError(f"`{name}` has no range; give its limits, as in act={{{name!r}: (-1.0, 1.0)}}")
@@ -227,4 +231,6 @@ def make_vector(count: int, scenario: Location, **arguments: Any) -> gymnasium.v
 
     The processes are started anew and not forked, so a script needs `if __name__ == "__main__":` around its work.
     """
+    if count < 1:
+        raise SessionError(f"count is {count}; there is at least one environment")
     return gymnasium.vector.AsyncVectorEnv([partial(Env, scenario, **arguments)] * count, context="spawn")

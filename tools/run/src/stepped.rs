@@ -74,6 +74,7 @@ pub struct SteppedRun {
 #[derive(Clone)]
 pub struct SavedRun {
     plan: Arc<Plan>,
+    kinds: Kinds,
     step: Step,
     states: [State; 2],
     recorder: StepRecorder,
@@ -149,14 +150,37 @@ impl SteppedRun {
     /// # Errors
     /// If a side refuses its job.
     pub fn reset(&mut self, seed: Option<u64>) -> Result<(), Failure> {
-        if let Some(seed) = seed.filter(|seed| *seed != self.plan.run.seed) {
+        let mut jobs = self.jobs.clone();
+        let seed = seed.unwrap_or(self.plan.run.seed);
+        jobs.0.run.seed = seed;
+        self.replace(jobs, self.fresh.clone(), None)?;
+        if seed != self.plan.run.seed {
             Arc::make_mut(&mut self.plan).run.seed = seed;
             self.jobs.0.run.seed = seed;
         }
-        self.recorder.0.replace(self.fresh.clone());
-        self.turns = start(self.kinds, self.jobs.clone(), &self.recorder)?;
-        (self.service, self.context) = (None, None);
-        self.begin()
+        Ok(())
+    }
+
+    /// Replaces the run by another one, which is held before its first step; keeps the present one if that fails.
+    fn replace(
+        &mut self,
+        jobs: (PlantJob, ControllerJob),
+        recorder: StepRecorder,
+        context: Option<Arc<LiveContext>>,
+    ) -> Result<(), Failure> {
+        let recorder = SharedRecorder(Rc::new(RefCell::new(recorder)));
+        let turns = start(self.kinds, jobs, &recorder)?;
+        let present = (
+            std::mem::replace(&mut self.turns, turns),
+            std::mem::replace(&mut self.recorder, recorder),
+            self.service.take(),
+            std::mem::replace(&mut self.context, context),
+        );
+        let begun = self.begin();
+        if begun.is_err() {
+            (self.turns, self.recorder, self.service, self.context) = present;
+        }
+        begun
     }
 
     /// Saves the run before its next step.
@@ -172,6 +196,7 @@ impl SteppedRun {
         let states = self.turns.states().map_err(Failure::usage)?;
         Ok(SavedRun {
             plan: Arc::clone(&self.plan),
+            kinds: self.kinds,
             step: self.step(),
             states,
             recorder: self.recorder.0.borrow().clone(),
@@ -192,6 +217,11 @@ impl SteppedRun {
                 "the state is one of another scenario, or of another seed",
             ));
         }
+        if !saved.kinds.are(self.kinds) {
+            return Err(Failure::usage(
+                "the state is one of another plant or law of the same name",
+            ));
+        }
         let resume = |state: &State| Checkpoints {
             resume: Some(Resume {
                 step: saved.step,
@@ -206,10 +236,8 @@ impl SteppedRun {
         plant.faults.extend(live.map(FaultEvent::clone));
         plant.checkpoints = resume(&saved.states[0]);
         controller.checkpoints = resume(&saved.states[1]);
-        self.recorder.0.replace(saved.recorder.clone());
-        self.turns = start(self.kinds, (plant, controller), &self.recorder)?;
-        (self.service, self.context) = (None, saved.context.clone());
-        self.begin()
+        let jobs = (plant, controller);
+        self.replace(jobs, saved.recorder.clone(), saved.context.clone())
     }
 
     /// Executes all steps before `target`, or the whole run if the target is not before its end. Returns `false` if

@@ -37,6 +37,7 @@ pub(crate) struct Session {
 #[pyfunction]
 #[pyo3(signature = (path, flags, plant = None, law = None))]
 pub(crate) fn open_session(
+    py: Python<'_>,
     path: PathBuf,
     flags: Vec<String>,
     plant: Option<&Bound<'_, PyAny>>,
@@ -50,9 +51,11 @@ pub(crate) fn open_session(
         return Ok(None);
     };
     let has_classes = checked.kinds.is_some();
-    let run = SteppedRun::new(checked.plan, checked.described, checked.kinds);
+    let run = caused(py, has_classes, || {
+        SteppedRun::new(checked.plan, checked.described, checked.kinds)
+    });
     Ok(Some(Session {
-        run: ThreadBound::new(run.map_err(|failure| raised(&failure))?),
+        run: ThreadBound::new(run?),
         has_classes,
     }))
 }
@@ -80,8 +83,10 @@ impl Session {
         loop {
             let until_ns = monotonic_ns().saturating_add(BETWEEN_SIGNALS.as_nanos() as u64);
             let mut along = Along(&mut *run);
-            let advanced = py.detach(move || along.get().advance_to(target, until_ns));
-            if advanced.map_err(|failure| self.raised(py, &failure))? {
+            let has_arrived = caused(py, self.has_classes, || {
+                py.detach(move || along.get().advance_to(target, until_ns))
+            })?;
+            if has_arrived {
                 return Ok(());
             }
             if let Err(interrupt) = py.check_signals() {
@@ -90,21 +95,31 @@ impl Session {
             }
         }
     }
+}
 
-    /// Creates the exception of a run that failed; its cause is that of a class, and Ctrl-C stays Ctrl-C.
-    #[cold]
-    fn raised(&self, py: Python<'_>, failure: &Failure) -> PyErr {
-        let error = raised(failure);
-        let cause = self.has_classes.then(side::take_exception).flatten();
-        match cause {
-            Some(interrupt) if interrupt.is_instance_of::<PyKeyboardInterrupt>(py) => interrupt,
-            Some(cause) => {
-                error.set_cause(py, Some(cause));
-                error
-            }
-            None => error,
-        }
+/// Does work that may call a class; the cause of its exception is that of the class, and Ctrl-C stays Ctrl-C.
+fn caused<T>(
+    py: Python<'_>,
+    has_classes: bool,
+    work: impl FnOnce() -> Result<T, Failure>,
+) -> PyResult<T> {
+    if has_classes {
+        drop(side::take_exception()); // of earlier work
     }
+    let failure = match work() {
+        Ok(result) => return Ok(result),
+        Err(failure) => failure,
+    };
+    let error = raised(&failure);
+    let cause = has_classes.then(side::take_exception).flatten();
+    Err(match cause {
+        Some(interrupt) if interrupt.is_instance_of::<PyKeyboardInterrupt>(py) => interrupt,
+        Some(cause) => {
+            error.set_cause(py, Some(cause));
+            error
+        }
+        None => error,
+    })
 }
 
 #[pymethods]
@@ -178,28 +193,26 @@ impl Session {
     }
 
     /// Saves the session before its next step.
-    fn save(&self) -> PyResult<Saved> {
-        let saved = self.run.get()?.save();
-        Ok(Saved::new(saved.map_err(|failure| raised(&failure))?))
+    fn save(&self, py: Python<'_>) -> PyResult<Saved> {
+        let mut run = self.run.get()?;
+        caused(py, self.has_classes, || run.save()).map(Saved::new)
     }
 
     /// Continues from a saved state.
-    fn restore(&self, saved: &Bound<'_, Saved>) -> PyResult<()> {
+    fn restore(&self, py: Python<'_>, saved: &Bound<'_, Saved>) -> PyResult<()> {
         let saved = saved.get().run.get()?;
-        let restored = self.run.get()?.restore(&saved);
-        restored.map_err(|failure| raised(&failure))
+        let mut run = self.run.get()?;
+        caused(py, self.has_classes, || run.restore(&saved))
     }
 
     /// Begins again at step 0, with another seed if one is given.
     #[pyo3(signature = (seed = None))]
-    fn reset(&self, seed: Option<u64>) -> PyResult<()> {
+    fn reset(&self, py: Python<'_>, seed: Option<u64>) -> PyResult<()> {
         if seed.is_some_and(|seed| i64::try_from(seed).is_err()) {
             return Err(PyOverflowError::new_err("a seed is at most 2**63 - 1"));
         }
-        self.run
-            .get()?
-            .reset(seed)
-            .map_err(|failure| raised(&failure))
+        let mut run = self.run.get()?;
+        caused(py, self.has_classes, || run.reset(seed))
     }
 
     /// Ends the session.

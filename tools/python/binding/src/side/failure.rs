@@ -1,7 +1,7 @@
 //! Exceptions of a plant or a law: the reason of a failure, and the traceback.
 
+use std::cell::RefCell;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, PoisonError};
 
 use hil_session::program::say;
 use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
@@ -9,8 +9,10 @@ use pyo3::prelude::*;
 use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
 
-/// The exception of the last failure, for callers in its process.
-static LAST: Mutex<Option<PyErr>> = Mutex::new(None);
+thread_local! {
+    /// Exception of the last failure in this thread, for the session that it ends.
+    static LAST: RefCell<Option<PyErr>> = const { RefCell::new(None) };
+}
 /// `true` in a process that is a side, whose standard error is the log of the run.
 static HAS_LOG: AtomicBool = AtomicBool::new(false);
 /// `true` in a child that `os.fork` made.
@@ -28,9 +30,9 @@ pub(super) fn note_fork() {
     IS_FORKED.store(true, Ordering::Relaxed);
 }
 
-/// Returns the exception of the last failure, once.
+/// Returns the exception of the last failure in this thread, once.
 pub(crate) fn take_exception() -> Option<PyErr> {
-    LAST.lock().unwrap_or_else(PoisonError::into_inner).take()
+    LAST.with_borrow_mut(Option::take)
 }
 
 /// Calls Python during a run; an exception becomes the failure.
@@ -92,7 +94,8 @@ fn reason(py: Python<'_>, error: PyErr) -> String {
     if HAS_LOG.load(Ordering::Relaxed) && !text.is_empty() {
         say(text.trim_end());
     }
-    *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+    let earlier = LAST.replace(Some(error));
+    drop(earlier); // which may run code of Python
     line
 }
 

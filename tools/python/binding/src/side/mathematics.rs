@@ -40,7 +40,7 @@ same_everywhere! {
     cosh(x) = libm::cosh, "Returns the hyperbolic cosine.";
     tanh(x) = libm::tanh, "Returns the hyperbolic tangent.";
     asinh(x) = libm::asinh, "Returns the inverse hyperbolic sine.";
-    acosh(x) = libm::acosh, "Returns the inverse hyperbolic cosine.";
+    acosh(x) = area_cosine, "Returns the inverse hyperbolic cosine.";
     atanh(x) = libm::atanh, "Returns the inverse hyperbolic tangent.";
     exp(x) = libm::exp, "Returns e to the power x.";
     exp2(x) = libm::exp2, "Returns 2 to the power x.";
@@ -55,6 +55,14 @@ same_everywhere! {
     hypot(x, y) = libm::hypot, "Returns `sqrt(x * x + y * y)` without overflow.";
     fmod(x, y) = libm::fmod, "Returns the remainder of x / y with the sign of x.";
     erf(x) = libm::erf, "Returns the error function.";
+}
+
+/// Returns the inverse hyperbolic cosine, which `libm` gives numbers outside of its domain.
+fn area_cosine(x: f64) -> f64 {
+    match x {
+        x if x < 1.0 => f64::NAN,
+        x => libm::acosh(x),
+    }
 }
 
 /// Returns the state after an interval, by the classical Runge-Kutta method of order 4 in its equal substeps.
