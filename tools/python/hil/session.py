@@ -7,6 +7,7 @@ sides in processes of their own; the interface is the same.
 from __future__ import annotations
 
 import json
+import math
 import os
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, Union
@@ -258,6 +259,8 @@ class Session:
     def clear(self, fault: Union[int, Fault, None] = None) -> Tuple[int, ...]:
         """Ends a fault, or all faults, from the next step on; returns their numbers."""
         number = fault.id if isinstance(fault, Fault) else fault
+        if number is not None and not (_is_whole(number) and 0 <= number <= MOST_FAULTS):
+            raise TypeError(f"{fault!r} is no fault to clear; use a fault that inject() returned, or its number")
         return tuple(self._ask({"request": "clear", "id": number})["ids"])
 
     @property
@@ -278,15 +281,21 @@ class Session:
         `set("reference.x", 0.02)`, or several at one step: `set({"reference.x": 0.02, "plant.parameters.mass_kg": 2})`.
         """
         values = {key: value} if isinstance(key, str) else key
+        if not isinstance(values, Mapping) or not all(isinstance(name, str) for name in values):
+            raise TypeError(f"{key!r} cannot be set; use a key with its value, or a mapping of keys to values")
         pairs = [{"key": name, "value": _number(name, number)} for name, number in values.items()]
         return self._change({"set": pairs, "clear": []}, at, ramp)
 
     def release(self, *keys: str, at: Optional[float] = None) -> Change:
         """Lets reference signals follow their stimulus again."""
+        for key in keys:
+            if not isinstance(key, str):
+                raise TypeError(f"{key!r} cannot be released; use keys of reference signals")
         return self._change({"set": [], "clear": list(keys)}, at, None)
 
     def _change(self, change: Dict[str, Any], at: Optional[float], ramp: Optional[float]) -> Change:
-        answer = self._ask({"request": "set", **change, "at_s": at, "ramp_s": ramp})
+        times = {name: None if time is None else _number(name, time) for name, time in (("at", at), ("ramp", ramp))}
+        answer = self._ask({"request": "set", **change, "at_s": times["at"], "ramp_s": times["ramp"]})
         values = {one["key"]: float(one["value"]) for one in answer["set"]}
         return Change(answer["id"], answer["step"], answer["ramp_steps"], MappingProxyType(values))
 
@@ -357,6 +366,8 @@ class Session:
         return str(self._native.scenario())
 
 
+#: Numbers of faults have 32 bits.
+MOST_FAULTS = 2**32 - 1
 #: Options of `hil inject` with a dash.
 _OPTIONS = ("at_step", "until_for")
 
@@ -373,11 +384,20 @@ def _word(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
 def _number(key: str, value: object) -> float:
+    """Returns a value as a finite number; `key` is its place in an exception."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise TypeError(f"{value!r} cannot be the value of `{key}`; use a number") from None
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"{number} cannot be the value of `{key}`; use a finite number")
     return number
 
 
