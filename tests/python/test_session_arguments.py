@@ -60,6 +60,21 @@ class Arguments(unittest.TestCase):
             (fault,) = session.inject("bias", "measured.position_m", 1e-3)
             self.assertEqual(session.clear(fault.id), (fault.id,))
 
+    def test_other_kinds_of_arguments_are_refused_with_what_is_expected(self):
+        with hil.Session(SPRING) as session:
+            text = r"`set` is \['run.seed=1'\]; use a mapping"
+            values = ["run.seed=1"]
+            self.check(
+                [
+                    (lambda: session.restore(None), TypeError, r"None is no saved state; use what save\(\) returned"),
+                    (lambda: hil.Session(SPRING, set=values), TypeError, text),
+                    (lambda: hil.run(SPRING, set=values), TypeError, text),
+                    (lambda: hil.evaluate(SPRING, [{}], set=values), TypeError, text),
+                    (lambda: iter(session), TypeError, "'Session' object is not iterable"),
+                ]
+            )
+            self.assertIn("truth.position_m", session)
+
 
 if __name__ == "__main__":
     unittest.main()

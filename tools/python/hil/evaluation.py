@@ -10,7 +10,7 @@ from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Seq
 
 from .errors import UsageError
 from .native import native
-from .values import toml
+from .values import settings
 from .verdict import Metric, Verdict
 
 Location = Union[str, "os.PathLike[str]"]
@@ -56,9 +56,9 @@ def evaluate(
     `aborted`. Ctrl-C ends all runs and raises KeyboardInterrupt.
     """
     keys, points = _columns(points, keys)
-    common, rows = dict(set or {}), [_values(place, point, keys) for place, point in enumerate(points)]
-    flags, path = [_flags(row) for row in rows], os.fspath(scenario)
-    first = _flags(common)
+    first, common = settings(set), dict(set or {})
+    rows = [_values(place, point, keys) for place, point in enumerate(points)]
+    flags, path = [settings(row) for row in rows], os.fspath(scenario)
     cores = len(os.sched_getaffinity(0)) if workers is None else workers
     if cores < 1:
         raise ValueError(f"workers is {cores}; expected at least 1")
@@ -78,10 +78,6 @@ def evaluate(
         except UsageError as error:
             raise _named(error, place) from None
     return evaluations
-
-
-def _flags(values: Mapping[str, object]) -> List[str]:
-    return [f"{key}={toml(value)}" for key, value in values.items()]
 
 
 def _check(path: str, flags: Sequence[str]) -> None:

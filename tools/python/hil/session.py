@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Dict, List, Mapping, NamedTuple, Optional
 
 from .errors import SessionError, UnknownSignal, UsageError
 from .native import native
-from .values import toml
+from .values import settings
 from .verdict import Metric, Verdict
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ class Session:
         plant: Optional[type] = None,
         law: Optional[type] = None,
     ) -> None:
-        flags = [f"{key}={toml(value)}" for key, value in (set or {}).items()]
+        flags = settings(set)
         path = os.fspath(scenario)
         session = native().open_session(path, flags, plant, law)
         if session is None:
@@ -219,6 +219,9 @@ class Session:
                 raise self._unknown(name)
             raise SessionError(f"`{name}` has no value before the first step; step() executes it")
         return value
+
+    #: Not iterable: names are in `signals` and `derived`.
+    __iter__ = None
 
     def __contains__(self, name: object) -> bool:
         return name in self.signals or name in self.derived
@@ -320,6 +323,8 @@ class Session:
 
     def restore(self, saved: Saved) -> None:
         """Continues from a saved state, of this session or of another one of the same scenario and seed."""
+        if not isinstance(saved, Saved):
+            raise TypeError(f"{saved!r} is no saved state; use what save() returned")
         self._native.restore(saved._native)
 
     def reset(self, seed: Optional[int] = None) -> None:
