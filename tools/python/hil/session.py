@@ -165,8 +165,8 @@ class Session:
     def step(self, n: int = 1) -> None:
         """Executes n steps; fewer if the run ends earlier.
 
-        Ctrl-C raises KeyboardInterrupt between two steps, and the session goes on from there. Raises
-        `InfrastructureError` if plant or law fail, and `SessionError` after the end of the run.
+        Ctrl-C raises KeyboardInterrupt between two steps, and the session goes on from there; raised inside of a class
+        or while a program hangs, it ends the run, and `is_over` is `True`. Raises `InfrastructureError` if plant or law fail, and `SessionError` after the end of the run.
         """
         self._step(n)
 
