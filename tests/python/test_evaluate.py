@@ -68,6 +68,50 @@ class Evaluate(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "workers is 0"):
             hil.evaluate(SPRING, [{P: 1e4}], workers=0)
 
+    def test_a_refusal_names_its_point_unless_the_scenario_is_wrong_by_itself(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        for common in ({}, {"plant.program": plant}):
+            for points, text in [
+                ([{P: 1e3}, {P: 1e4}, {"controller.pid.proportinal": 1}, {"x": 1}], "^point 2: .*proportinal"),
+                ([{P: 1e3}, {P: -1e300}], "^point 1: .*-1e300"),
+            ]:
+                with self.assertRaisesRegex(hil.UsageError, f"(?s){text}") as refused:
+                    hil.evaluate(SPRING, points, set=common)
+                self.assertEqual(len(refused.exception.problems), 1)
+        with self.assertRaisesRegex(hil.UsageError, "^error: the scenario cannot be read"):
+            hil.evaluate("missing.toml", [{P: 1e3}])
+
+    def test_the_scenario_of_no_points_is_checked(self):
+        with self.assertRaisesRegex(hil.UsageError, "cannot be read"):
+            hil.evaluate("missing.toml", [])
+        with self.assertRaisesRegex(hil.UsageError, "proportinal"):
+            hil.evaluate(SPRING, [], set={"controller.pid.proportinal": 1})
+
+    def test_keys_that_repeat_are_refused(self):
+        for points in ([[1.0, 2.0, 3.0]], []):
+            with self.assertRaisesRegex(ValueError, f"`{P}` is twice in `keys`"):
+                hil.evaluate(SPRING, points, (P, D, P))
+        with self.assertRaisesRegex(TypeError, "`keys` is one text"):
+            hil.evaluate(SPRING, [[1.0]], P)
+
+    def test_a_data_frame_has_its_keys_as_columns(self):
+        expected = hil.evaluate(SPRING, [{P: 1000.0, D: 10.0}, {P: 100.0, D: 5.0}])
+        columns = {D: [10.0, 5.0], P: [1000.0, 100.0]}
+        frames = 0
+        for package in ("pandas", "polars"):
+            try:
+                frame = __import__(package).DataFrame(columns)
+            except ImportError:
+                continue
+            frames += 1
+            self.assertEqual(hil.evaluate(SPRING, frame), expected)
+            self.assertEqual(hil.evaluate(SPRING, frame, (P, D)), expected)
+            self.assertEqual(hil.evaluate(SPRING, frame, [P]), hil.evaluate(SPRING, [[1000.0], [100.0]], [P]))
+            with self.assertRaisesRegex(ValueError, "no column `run.seed`"):
+                hil.evaluate(SPRING, frame, (P, "run.seed"))
+        if not frames:
+            self.skipTest("pandas and polars are missing")
+
     def test_ctrl_c_ends_an_evaluation(self):
         long = {"run.duration_s": 1e5, "metrics": [], "requirements": [], "derived": []}
         threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()

@@ -8,8 +8,9 @@ import os
 from types import MappingProxyType
 from typing import Any, Dict, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
+from .errors import UsageError
 from .native import native
-from .values import toml
+from .values import settings
 from .verdict import Metric, Verdict
 
 Location = Union[str, "os.PathLike[str]"]
@@ -46,23 +47,81 @@ def evaluate(
 ) -> List[Evaluation]:
     """Runs a scenario once for each point and returns the results in their order.
 
-    A point is a mapping of keys of the scenario to values, or, with `keys`, a row of values. `set` changes values for
-    all points. Plants and laws that are built into `hil` run in this process, one point on each core; `workers` limits
+    A point is a mapping of keys of the scenario to values, or, with `keys`, a row of values. A frame of pandas or
+    polars has its keys as columns, of which `keys` may choose some. `set` changes values for all points. Plants and laws that are built into `hil` run in this process, one point on each core; `workers` limits
     their number. Where the scenario names a program, `hil run` runs one point after another. Nothing is recorded.
 
-    Raises `UsageError` before any run if a point is invalid. A run that diverges is a result, with the verdict
+    Raises `UsageError` with the number of the point if one is invalid, before any run; where the scenario names a
+    program, values of its sides are checked before the run of their point. A run that diverges is a result, with the verdict
     `aborted`. Ctrl-C ends all runs and raises KeyboardInterrupt.
     """
-    common, rows = dict(set or {}), [_values(place, point, keys) for place, point in enumerate(points)]
-    flags = [[f"{key}={toml(value)}" for key, value in row.items()] for row in rows]
-    first = [f"{key}={toml(value)}" for key, value in common.items()]
+    keys, points = _columns(points, keys)
+    first, common = settings(set), dict(set or {})
+    rows = [_values(place, point, keys) for place, point in enumerate(points)]
+    flags, path = [settings(row) for row in rows], os.fspath(scenario)
     cores = len(os.sched_getaffinity(0)) if workers is None else workers
     if cores < 1:
         raise ValueError(f"workers is {cores}; expected at least 1")
-    results = native().evaluate_points(os.fspath(scenario), first, flags, cores) if rows else "[]"
+    if not rows:
+        _check(path, first)
+        return []
+    try:
+        results = native().evaluate_points(path, first, flags, cores)
+    except UsageError as error:
+        raise _of_point(error, path, first, flags) from None
     if results is not None:
         return [_evaluation(result) for result in json.loads(results)]
-    return [_run(scenario, {**common, **row}) for row in rows]
+    evaluations = []
+    for place, row in enumerate(rows):
+        try:
+            evaluations.append(_run(scenario, {**common, **row}))
+        except UsageError as error:
+            raise _named(error, place) from None
+    return evaluations
+
+
+def _check(path: str, flags: Sequence[str]) -> None:
+    """Raises `UsageError` if the scenario is invalid with these flags."""
+    session = native().open_session(path, flags, None, None)
+    if session is not None:
+        session.close()
+
+
+def _of_point(error: UsageError, path: str, first: Sequence[str], flags: Sequence[Sequence[str]]) -> UsageError:
+    """Returns a refusal with the first point that is refused, unless the scenario is wrong without any."""
+    for place, point in enumerate([[], *flags], -1):
+        try:
+            _check(path, [*first, *point])
+        except UsageError as refusal:
+            if place >= 0:
+                return _named(refusal, place)
+            if refusal.text == error.text:
+                break
+    return error
+
+
+def _named(error: UsageError, place: int) -> UsageError:
+    return UsageError(error.command, error.exit_code, f"point {place}: {error.text}", error.problems)
+
+
+def _columns(points: Any, keys: Optional[Sequence[str]]) -> Tuple[Optional[List[str]], Iterable[Any]]:
+    """Returns the keys, each of them once, and the rows of a frame or other points."""
+    if isinstance(keys, str):
+        raise TypeError(f"`keys` is one text; use [{keys!r}]")
+    names = None if keys is None else list(keys)
+    columns = getattr(points, "columns", None)
+    if columns is not None:
+        columns = list(columns)
+        names = columns if names is None else names
+    for place, name in enumerate(names or []):
+        if name in names[:place]:  # type: ignore[index]
+            raise ValueError(f"`{name}` is twice in `keys`")
+        if columns is not None and name not in columns:
+            raise ValueError(f"the frame has no column `{name}`; it has {', '.join(map(str, columns))}")
+    if columns is not None:
+        frame = points[names]
+        points = frame.iter_rows() if hasattr(frame, "iter_rows") else frame.itertuples(index=False, name=None)
+    return names, points
 
 
 def _values(place: int, point: Any, keys: Optional[Sequence[str]]) -> Dict[str, object]:

@@ -9,7 +9,7 @@ from typing import Any, Iterable, List, Mapping, Optional, Sequence, Union
 from .errors import of_exit_code
 from .programs import Output, execute, parsed
 from .result import Run
-from .values import toml
+from .values import settings
 
 RUNS = "runs"
 SUMMARY = "summary.json"
@@ -43,8 +43,8 @@ def run(
     `ProgramError` without a program `hil`. Ctrl-C ends the run and raises KeyboardInterrupt.
     """
     arguments: List[str] = ["run", "--json"]
-    for key, value in (set or {}).items():
-        arguments += ["--set", f"{key}={toml(value)}"]
+    for setting in settings(set):
+        arguments += ["--set", setting]
     named = {
         "--clock": clock,
         "--pace": pace,

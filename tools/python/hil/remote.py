@@ -19,8 +19,8 @@ import weakref
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
-from .errors import InfrastructureError, SessionError, of_exit_code
-from .programs import cannot_start, find, parsed, succeed
+from .errors import CommandError, InfrastructureError, SessionError, of_exit_code
+from .programs import cannot_start, environment, find, parsed, succeed
 from .result import Run
 
 #: Socket in the folder of a session.
@@ -47,6 +47,8 @@ LISTED = {"applied": "command", "sensed": "measured", "stimulus": "reference"}
 BITS, MOST_WORDS = 64, 8
 #: A request must be answered within this time; `hil` itself waits shorter.
 ANSWER_LIMIT_S = 20.0
+#: After Ctrl-C the present step must end within this time, or the run is ended.
+HOLD_LIMIT_S = 1.0
 #: Steps are requested in parts of about this duration, between which Python takes its signals.
 PART_S = 0.1
 LOOK_S = 0.005
@@ -69,6 +71,7 @@ class RemoteSession:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.PIPE,
+                env=environment(),
                 start_new_session=True,
                 preexec_fn=_dying_with(os.getpid()),
             )
@@ -79,6 +82,7 @@ class RemoteSession:
         self._owner = os.getpid()
         self._command = command
         self._run: Optional[Run] = None
+        self._failure: Optional[CommandError] = None
         self._is_closed = False
         self._part = 64
         try:
@@ -103,9 +107,9 @@ class RemoteSession:
                 return path
             time.sleep(LOOK_S)
 
-    def _ask(self, request: Dict[str, Any]) -> Dict[str, Any]:
+    def _ask(self, request: Dict[str, Any], limit_s: float = ANSWER_LIMIT_S) -> Dict[str, Any]:
         with socket.socket(socket.AF_UNIX) as stream:
-            stream.settimeout(ANSWER_LIMIT_S)
+            stream.settimeout(limit_s)
             try:
                 stream.connect(self._socket)
                 stream.sendall(json.dumps(request).encode() + b"\n")
@@ -118,33 +122,38 @@ class RemoteSession:
         if answer:
             parsed_answer: Dict[str, Any] = json.loads(answer)
             return parsed_answer
-        if self._has_ended():
+        if self._has_ended(limit_s):
             self._conclude()
             return {"response": "refused", "problems": [{"key": "", "message": "the run is over"}]}
         raise InfrastructureError(self._command, 3, f"error: the plant of session `{self._name}` does not answer: {reason}")
 
-    def _has_ended(self) -> bool:
+    def _has_ended(self, limit_s: float) -> bool:
         """Waits for the end of a process whose plant has closed its socket."""
         try:
-            self._process.wait(ANSWER_LIMIT_S)
+            self._process.wait(limit_s)
         except subprocess.TimeoutExpired:
             return False
         return True
 
-    def _conclude(self) -> Run:
-        """Reads the results of the run, whose process has ended."""
-        if self._run is None:
+    def _conclude(self) -> None:
+        """Reads the results of the run, whose process has ended. Raises its failure, which also has results."""
+        if self._run is None and self._failure is None:
             stdout, stderr = self._process.communicate()
             facts = parsed(stdout.decode(errors="replace"))
             is_summary = isinstance(facts, dict) and "session" in facts
-            run = Run(Path(self._folder) / "run") if is_summary else None
+            self._run = Run(Path(self._folder) / "run") if is_summary else None
             code = self._process.returncode
-            if run is None or code not in (0, 1):
+            if self._run is None or code not in (0, 1):
                 problems = facts.get("problems", []) if isinstance(facts, dict) else []
-                text = stderr.decode(errors="replace")
-                raise of_exit_code(code)(self._command, code, text, problems, run)
-            self._run = run
-        return self._run
+                text = self._lasting(stderr.decode(errors="replace"))
+                self._failure = of_exit_code(code)(self._command, code, text, problems, self._run)
+        if self._failure is not None:
+            raise self._failure
+
+    def _lasting(self, text: str) -> str:
+        """Returns a text of `hil` without what is of no use later: the folder of the run, and how to resume it."""
+        lines = text.replace(os.path.join(self._folder, "run", ""), "").splitlines(keepends=True)
+        return "".join(line for line in lines if not line.startswith("paused at step "))
 
     def _check(self) -> None:
         if os.getpid() != self._owner:
@@ -186,14 +195,32 @@ class RemoteSession:
             else:
                 self._advance_in_parts(target)
         except KeyboardInterrupt:
-            # Held again, so that the session goes on from there.
-            if self._process.poll() is None:
-                self._ask({"request": "pause"})
-                self._wait_until_held()
+            self._hold()
             raise
 
+    def _hold(self) -> None:
+        """Holds the run, so that the session goes on from there; ends it if a side hangs."""
+        deadline = time.monotonic() + HOLD_LIMIT_S
+        try:
+            self._ask({"request": "pause"}, HOLD_LIMIT_S)
+            while not self._look(HOLD_LIMIT_S):
+                if time.monotonic() > deadline:
+                    break
+                time.sleep(LOOK_S)
+            else:
+                return
+        except CommandError:
+            pass  # what was asked for is the interruption
+        if self._process.poll() is None:
+            self._process.send_signal(signal.SIGINT)
+        try:
+            self._process.wait()
+            self._conclude()
+        except CommandError:
+            pass
+
     def _advance_in_parts(self, target: int) -> None:
-        while self._run is None and self._status["step"] < target:
+        while not self.is_over and self._status["step"] < target:
             part = min(self._part, target - self._status["step"])
             since = time.monotonic()
             answer = self._ask({"request": "advance", "steps": part})
@@ -207,11 +234,15 @@ class RemoteSession:
                 self._wait_until_held()
 
     def _wait_until_held(self) -> None:
-        while self._run is None:
-            self._status = self._ask({"request": "status"})
-            if self._status.get("paused"):
-                return
+        while not self._look(ANSWER_LIMIT_S):
             time.sleep(LOOK_S)
+
+    def _look(self, limit_s: float) -> bool:
+        """Asks for the status; returns `True` if the run is held or over."""
+        answer = self._ask({"request": "status"}, limit_s)
+        if answer["response"] != "refused":
+            self._status = answer
+        return self.is_over or bool(answer.get("paused"))
 
     def request(self, request: str) -> str:
         self._check()
@@ -223,7 +254,7 @@ class RemoteSession:
         return values.get(name)
 
     def _values(self) -> Mapping[str, float]:
-        if self._run is not None:
+        if self.is_over:
             raise SessionError("the run is over; its values are in the recording of a run of scenario()")
         answer = self._ask({"request": "record"})
         if answer["response"] == "refused":
@@ -277,7 +308,7 @@ class RemoteSession:
             "command": plant["commands"],
             "applied": plant["commands"],
         }
-        if self._run is None:
+        if not self.is_over:
             answer = self._ask({"request": "record"})
             if answer["response"] != "refused":
                 layout = answer["layout"]
@@ -304,10 +335,12 @@ class RemoteSession:
     @property
     def is_over(self) -> bool:
         self._check()
-        return self._run is not None
+        return self._run is not None or self._failure is not None
 
     def _result(self) -> Run:
         self._check()
+        if self._run is None and self._failure is not None:
+            raise SessionError(f"the run ended without results: {self._failure}")
         if self._run is None:
             raise SessionError("a session in two processes has its results after its end; step_to() executes the rest")
         return self._run

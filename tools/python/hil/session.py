@@ -7,13 +7,14 @@ sides in processes of their own; the interface is the same.
 from __future__ import annotations
 
 import json
+import math
 import os
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type, Union
 
 from .errors import SessionError, UnknownSignal, UsageError
 from .native import native
-from .values import toml
+from .values import settings
 from .verdict import Metric, Verdict
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ class Session:
         plant: Optional[type] = None,
         law: Optional[type] = None,
     ) -> None:
-        flags = [f"{key}={toml(value)}" for key, value in (set or {}).items()]
+        flags = settings(set)
         path = os.fspath(scenario)
         session = native().open_session(path, flags, plant, law)
         if session is None:
@@ -164,8 +165,8 @@ class Session:
     def step(self, n: int = 1) -> None:
         """Executes n steps; fewer if the run ends earlier.
 
-        Ctrl-C raises KeyboardInterrupt between two steps, and the session goes on from there. Raises
-        `InfrastructureError` if plant or law fail, and `SessionError` after the end of the run.
+        Ctrl-C raises KeyboardInterrupt between two steps, and the session goes on from there; raised inside of a class
+        or while a program hangs, it ends the run, and `is_over` is `True`. Raises `InfrastructureError` if plant or law fail, and `SessionError` after the end of the run.
         """
         self._step(n)
 
@@ -219,6 +220,9 @@ class Session:
             raise SessionError(f"`{name}` has no value before the first step; step() executes it")
         return value
 
+    #: Not iterable: names are in `signals` and `derived`.
+    __iter__ = None
+
     def __contains__(self, name: object) -> bool:
         return name in self.signals or name in self.derived
 
@@ -258,6 +262,8 @@ class Session:
     def clear(self, fault: Union[int, Fault, None] = None) -> Tuple[int, ...]:
         """Ends a fault, or all faults, from the next step on; returns their numbers."""
         number = fault.id if isinstance(fault, Fault) else fault
+        if number is not None and not (_is_whole(number) and 0 <= number <= MOST_FAULTS):
+            raise TypeError(f"{fault!r} is no fault to clear; use a fault that inject() returned, or its number")
         return tuple(self._ask({"request": "clear", "id": number})["ids"])
 
     @property
@@ -278,15 +284,21 @@ class Session:
         `set("reference.x", 0.02)`, or several at one step: `set({"reference.x": 0.02, "plant.parameters.mass_kg": 2})`.
         """
         values = {key: value} if isinstance(key, str) else key
+        if not isinstance(values, Mapping) or not all(isinstance(name, str) for name in values):
+            raise TypeError(f"{key!r} cannot be set; use a key with its value, or a mapping of keys to values")
         pairs = [{"key": name, "value": _number(name, number)} for name, number in values.items()]
         return self._change({"set": pairs, "clear": []}, at, ramp)
 
     def release(self, *keys: str, at: Optional[float] = None) -> Change:
         """Lets reference signals follow their stimulus again."""
+        for key in keys:
+            if not isinstance(key, str):
+                raise TypeError(f"{key!r} cannot be released; use keys of reference signals")
         return self._change({"set": [], "clear": list(keys)}, at, None)
 
     def _change(self, change: Dict[str, Any], at: Optional[float], ramp: Optional[float]) -> Change:
-        answer = self._ask({"request": "set", **change, "at_s": at, "ramp_s": ramp})
+        times = {name: None if time is None else _number(name, time) for name, time in (("at", at), ("ramp", ramp))}
+        answer = self._ask({"request": "set", **change, "at_s": times["at"], "ramp_s": times["ramp"]})
         values = {one["key"]: float(one["value"]) for one in answer["set"]}
         return Change(answer["id"], answer["step"], answer["ramp_steps"], MappingProxyType(values))
 
@@ -311,6 +323,8 @@ class Session:
 
     def restore(self, saved: Saved) -> None:
         """Continues from a saved state, of this session or of another one of the same scenario and seed."""
+        if not isinstance(saved, Saved):
+            raise TypeError(f"{saved!r} is no saved state; use what save() returned")
         self._native.restore(saved._native)
 
     def reset(self, seed: Optional[int] = None) -> None:
@@ -357,6 +371,8 @@ class Session:
         return str(self._native.scenario())
 
 
+#: Numbers of faults have 32 bits.
+MOST_FAULTS = 2**32 - 1
 #: Options of `hil inject` with a dash.
 _OPTIONS = ("at_step", "until_for")
 
@@ -373,11 +389,20 @@ def _word(value: object) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
+def _is_whole(value: object) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool)
+
+
 def _number(key: str, value: object) -> float:
+    """Returns a value as a finite number; `key` is its place in an exception."""
     try:
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise TypeError(f"{value!r} cannot be the value of `{key}`; use a number") from None
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError(f"{number} cannot be the value of `{key}`; use a finite number")
     return number
 
 

@@ -21,22 +21,30 @@ def describe(error: BaseException) -> Tuple[str, str]:
     # A refusal says what is wrong; the kind of any other exception is part of its reason.
     line = message if isinstance(error, ValueError) and message else f"{type(error).__name__}: {message}".rstrip(": ")
     if isinstance(error, SyntaxError):
-        return line, text(error)
+        return _printable(line), text(error)
     if foreign is None:
-        return message or line, ""
+        return _printable(message or line), ""
     frame = extract_tb(foreign)[-1]
     place = f"{os.path.basename(frame.filename)} line {frame.lineno}, in {frame.name}"
-    return f"{line} ({place})", text(error)
+    return _printable(f"{line} ({place})"), text(error)
 
 
 def text(error: BaseException) -> str:
     """Returns the traceback of an exception without the frames of this package, and of bounded length."""
     shown = TracebackException(type(error), error, _foreign(error.__traceback__), limit=-MOST_FRAMES)
-    lines = "".join(shown.format()).rstrip()
+    lines = _printable("".join(shown.format()).rstrip())
     if len(lines) > LONGEST_TEXT:
         half = LONGEST_TEXT // 2
         lines = f"{lines[:half]}\n  ...\n{lines[-half:]}"
     return lines
+
+
+def _printable(text: str) -> str:
+    """Returns a text with escapes in place of characters that would act on a terminal; lines and tabs stay."""
+    if text.isprintable():
+        return text
+    kept = (one if one.isprintable() or one in "\n\t" else one.encode("unicode_escape").decode() for one in text)
+    return "".join(kept)
 
 
 def _message(error: BaseException) -> str:

@@ -5,7 +5,14 @@ from __future__ import annotations
 import json
 import os
 import re
-from typing import Iterable, Mapping
+from typing import Iterable, List, Mapping, Optional
+
+
+def settings(values: Optional[Mapping[str, object]]) -> List[str]:
+    """Returns the values of `set=` as `KEY=VALUE`, as `--set` takes them."""
+    if values is not None and not isinstance(values, Mapping):
+        raise TypeError(f"`set` is {values!r}; use a mapping of keys of the scenario to values")
+    return [f"{key}={toml(value)}" for key, value in (values or {}).items()]
 
 
 def toml(value: object) -> str:
