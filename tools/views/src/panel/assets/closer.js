@@ -115,6 +115,13 @@ const columnsOfFigures = () => {
     : [[`other at ${single}`, (one) => other(one)?.at[0] ?? null], ["difference", (one) => less(one.at[0], other(one)?.at[0])]];
   return columns.concat(differences);
 };
+// The reason why no requirement can be copied of a signal, or "".
+const whyNoRequirement = (name, one) => {
+  if (name.startsWith("parameter.")) return "a requirement is on signals, not on parameters";
+  if (!/^[A-Za-z_]/.test(name) || /_(ns|steps)$/.test(name)) return "a requirement cannot name this signal";
+  if (isNothing(one.least)) return "it has no value between the cursors";
+  return !about.recorded && basis > 1 ? "it needs every step, which the panel has not kept: hil panel RUN" : "";
+};
 const showFigures = () => {
   const columns = columnsOfFigures();
   const head = make("tr");
@@ -127,7 +134,8 @@ const showFigures = () => {
     const row = make("tr");
     row.append(make("th", name, { scope: "row" }), ...columns.map(([, value]) => make("td", shown(value(one), unit), { class: "n" })));
     const copy = make("button", "requirement", { type: "button", "aria-label": `Copy a requirement on ${name}` });
-    copy.disabled = !/^[A-Za-z_]/.test(name) || /_(ns|steps)$/.test(name) || isNothing(one.least) || !about.recorded && basis > 1;
+    copy.title = whyNoRequirement(name, one);
+    copy.disabled = copy.title !== "";
     copy.addEventListener("click", () => copyAndTell(asRequirement(name, ends.map((step) => step * period()), one, steps), `a requirement on ${name}`));
     const last = make("td");
     last.append(copy);
