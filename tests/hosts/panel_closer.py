@@ -94,7 +94,13 @@ def zoom(desk):
     result["key zoomed"] = page.evaluate(RANGE)
     page.fill("#to", "0")
     page.keyboard.press("Enter")
-    result["refused"] = page.inner_text("#status")
+    result["refused"] = [page.inner_text("#status"), page.input_value("#to")]
+    page.fill("#to", "7,5")
+    page.keyboard.press("Enter")
+    result["no number"] = [page.inner_text("#status"), page.input_value("#to")]
+    page.fill("#to", "99")
+    page.keyboard.press("Enter")
+    result["beyond"] = page.evaluate(RANGE)
     page.keyboard.press("Escape")
     page.mouse.dblclick(box["x"] + box["width"] / 3, box["y"] + box["height"] / 2)
     result["double"] = page.evaluate(RANGE)

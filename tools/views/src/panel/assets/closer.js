@@ -3,6 +3,14 @@
 
 // ---- The range ----
 
+// The time in a field: `null` of an empty one, NaN of a text that is no number, of which the page tells.
+const typedTime = (id) => {
+  const text = byId(id).value.trim();
+  const time = text === "" ? null : Number(text);
+  if (time === null || Number.isFinite(time)) return time;
+  write(byId("status"), `\`${text}\` is no number of seconds`);
+  return NaN;
+};
 const showRange = () => {
   const [from, to] = span();
   byId("range").hidden = !closer;
@@ -13,14 +21,20 @@ const showRange = () => {
   for (const [id, time] of [["from", from], ["to", to]]) if (document.activeElement !== byId(id)) byId(id).value = seconds(time);
   root.dataset.range = closer ? `${from} ${to}` : "";
 };
-for (const id of ["from", "to"]) {
+for (const [place, id] of ["from", "to"].entries()) {
   byId(id).addEventListener("change", () => {
-    const [from, to] = ["from", "to"].map((one) => Number(byId(one).value));
-    if (byId(id).value.trim() === "" || !(to > from)) {
-      write(byId("status"), "a range ends after it begins");
-      return showRange();
+    // The other end is the one in sight, with all its digits.
+    const part = [...span()];
+    const before = seconds(part[place]);
+    const time = typedTime(id);
+    const [begin, end] = axis.whole();
+    part[place] = Math.min(Math.max(time, begin), end);
+    if (time === null || !(part[1] - part[0] >= axis.least() * (1 - 1e-9))) {
+      if (time !== null && !Number.isNaN(time)) write(byId("status"), part[1] > part[0] ? "a range has at least 4 steps" : "a range ends after it begins");
+      byId(id).value = before;
+      return;
     }
-    axis.go(from, to);
+    axis.between(...part);
     byId(id).blur();
   });
   byId(id).addEventListener("blur", () => about && showRange());
@@ -77,10 +91,11 @@ const cursorsChanged = () => {
 };
 for (const [place, id] of ["cursor-a", "cursor-b"].entries()) {
   byId(id).addEventListener("change", () => {
-    const text = byId(id).value.trim();
-    const time = Number(text);
-    if (text !== "" && !(time >= 0)) return cursorsChanged();
-    cursors.put(place, text === "" ? null : Math.round(time / period()));
+    const time = typedTime(id);
+    if (time === null) return cursors.put(place, null);
+    if (time >= 0) return cursors.put(place, Math.round(time / period()));
+    const step = cursors.steps[place];
+    byId(id).value = step === null ? "" : seconds(step * period());
   });
 }
 byId("clear-cursors").addEventListener("click", () => cursors.clear());
