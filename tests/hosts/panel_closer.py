@@ -220,7 +220,9 @@ def palette(desk):
     panel_page.attached(page)
     state(page, "paused")
     page.wait_for_selector("#tune-box:not([hidden])")
-    result = {"dropout": find(page, "drpos")[0]}
+    result = {"dropouts": [row[1] for row in find(page, "dropout")]}
+    page.keyboard.press("Escape")
+    result["dropout"] = find(page, "drpos")[0]
     page.keyboard.press("Enter")
     result["armed"] = [page.is_visible("#armed"), page.inner_text("#armed-words")]
     page.keyboard.press("Enter")

@@ -223,6 +223,7 @@ fn everything_is_found_by_its_name_and_a_fault_asks_before_it_is_injected() {
     };
     let output = play.result();
     assert_eq!(output["dropout"], json!([dropout, "prepared", "fault"]));
+    assert_eq!(output["dropouts"][0], "prepared", "{output}");
     assert_eq!(output["armed"], json!([true, dropout]));
     assert_eq!(output["let go"], false, "Enter does not confirm");
     assert_eq!(output["escaped"], json!([0, false]));

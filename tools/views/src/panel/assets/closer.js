@@ -246,18 +246,18 @@ const injectKind = (kind) => {
 };
 const entries = () => {
   const list = [];
-  const add = (kind, name, detail, does) => list.push({ kind, name, detail, does });
+  const add = (kind, name, detail, does, rank) => list.push({ kind, name, detail, does, rank });
   for (const plot of plots) add("plot", plot.spec.title, plot.spec.unit, () => goTo(plot));
   for (const one of signals) {
     const home = plots.find((plot) => plot.spec.signals.includes(one.place));
     add("signal", one.name, one.unit, () => (about.recorded ? plotSignal(one.place) : home && goTo(home)));
   }
   if (!about.recorded) {
-    for (const button of byId("buttons").children) add("fault", button.title, "prepared", () => button.disabled || arm(button));
+    for (const button of byId("buttons").children) add("fault", button.title, "prepared", () => button.disabled || arm(button), "prepared");
     for (const kind of kinds) add("fault", kind.kind, kind.summary, () => injectKind(kind));
     for (const knob of knobs.values()) add("value", knob.told.key, shown(knob.now(), knob.told.unit), () => focusIn(knob.field));
   }
-  for (const one of shades) add("fault", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s));
+  for (const one of shades) add("fault", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s), "mark");
   for (const one of notes) add("mark", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s));
   for (const one of state?.requirements ?? []) {
     const time = one.at_s ?? one.decided_at_s;
