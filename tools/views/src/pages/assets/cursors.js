@@ -80,14 +80,15 @@ const asRequirement = (name, [from_s, to_s], { least, greatest, count }, steps) 
   return `${missing}[[requirements]]\nname = "${title}"\nformula = "always[${time(from_s)}s,${time(to_s)}s](${name} >= ${size(least)} and ${name} <= ${size(greatest)})"\n`;
 };
 
-// Puts a text on the clipboard, or selects it in its box where the browser refuses that.
+// Puts a text on the clipboard, or shows and selects it in its box where the browser refuses that.
 const copyText = async (text, box) => {
   box.textContent = text;
-  box.hidden = false;
   try {
     await navigator.clipboard.writeText(text);
+    box.hidden = true;
     return true;
   } catch {
+    box.hidden = false;
     const range = document.createRange();
     range.selectNodeContents(box);
     getSelection().removeAllRanges();

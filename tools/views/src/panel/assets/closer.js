@@ -111,7 +111,7 @@ const takeFigures = (answer) => {
   root.dataset.measured = `${answer.from} ${answer.to}`;
 };
 const isBetween = () => cursors.steps.every((one) => one !== null);
-// The columns of the table: heading, value of a signal's figures, and a unit.
+// The columns of the table behind signal and unit: heading, and value of a signal's figures.
 const columnsOfFigures = () => {
   const [a, b] = cursors.steps;
   const first = a === null || (b !== null && b < a) ? 1 : 0;
@@ -140,14 +140,16 @@ const whyNoRequirement = (name, one) => {
 const showFigures = () => {
   const columns = columnsOfFigures();
   const head = make("tr");
-  head.append(make("th", "signal", { scope: "col" }), ...columns.map(([title]) => make("th", title, { scope: "col", class: "n" })), make("th", make("span", "copy", { class: "visually-hidden" }), { scope: "col" }));
+  head.append(make("th", "signal", { scope: "col" }), make("th", "unit", { scope: "col" }), ...columns.map(([title]) => make("th", title, { scope: "col", class: "n" })), make("th", make("span", "copy", { class: "visually-hidden" }), { scope: "col" }));
   byId("figures-head").replaceChildren(head);
   const ends = cursors.ends();
   const steps = ends[1] - ends[0] + 1;
   byId("figures").replaceChildren(...[...figures.values()].map((one) => {
     const { name, unit } = signals[one.signal];
     const row = make("tr");
-    row.append(make("th", name, { scope: "row" }), ...columns.map(([, value]) => make("td", shown(value(one), unit), { class: "n" })));
+    // A time in ns is written with a unit that suits it.
+    const own = unit === "ns" ? unit : "";
+    row.append(make("th", name, { scope: "row" }), make("td", own || unit === "1" ? "" : unit, { class: "unit" }), ...columns.map(([, value]) => make("td", shown(value(one), own), { class: "n" })));
     const copy = make("button", "requirement", { type: "button", "aria-label": `Copy a requirement on ${name}` });
     copy.title = whyNoRequirement(name, one);
     copy.disabled = copy.title !== "";
