@@ -94,7 +94,13 @@ def zoom(desk):
     result["key zoomed"] = page.evaluate(RANGE)
     page.fill("#to", "0")
     page.keyboard.press("Enter")
-    result["refused"] = page.inner_text("#status")
+    result["refused"] = [page.inner_text("#status"), page.input_value("#to")]
+    page.fill("#to", "7,5")
+    page.keyboard.press("Enter")
+    result["no number"] = [page.inner_text("#status"), page.input_value("#to")]
+    page.fill("#to", "99")
+    page.keyboard.press("Enter")
+    result["beyond"] = page.evaluate(RANGE)
     page.keyboard.press("Escape")
     page.mouse.dblclick(box["x"] + box["width"] / 3, box["y"] + box["height"] / 2)
     result["double"] = page.evaluate(RANGE)
@@ -158,7 +164,7 @@ def cursors(desk):
     measured(page, 1250, 1750)
     result["table"] = page.inner_text("#measure")
     page.click("#copy-figures")
-    result["text"] = page.inner_text("#copied")
+    result["text"] = page.text_content("#copied")
     wait(page, "document.getElementById('status').textContent === 'copied the table'")
     result["clipboard"] = page.evaluate("navigator.clipboard.readText()")
     page.locator("[aria-label='Copy a requirement on truth.position_m']").click()
@@ -191,7 +197,7 @@ def back(desk):
     page.keyboard.press("Enter")
     measured(page, 1250, 1750)
     page.click("#copy-figures")
-    result["text"], result["basis"] = page.inner_text("#copied"), page.inner_text("#basis")
+    result["text"], result["basis"] = page.text_content("#copied"), page.inner_text("#basis")
     page.evaluate("document.activeElement.blur()")
     page.keyboard.press("c")
     page.keyboard.press("End")
@@ -214,7 +220,9 @@ def palette(desk):
     panel_page.attached(page)
     state(page, "paused")
     page.wait_for_selector("#tune-box:not([hidden])")
-    result = {"dropout": find(page, "drpos")[0]}
+    result = {"dropouts": [row[1] for row in find(page, "dropout")]}
+    page.keyboard.press("Escape")
+    result["dropout"] = find(page, "drpos")[0]
     page.keyboard.press("Enter")
     result["armed"] = [page.is_visible("#armed"), page.inner_text("#armed-words")]
     page.keyboard.press("Enter")
@@ -320,7 +328,7 @@ def ghost(desk):
     wait(page, "document.getElementById('figures-head').textContent.includes('difference')")
     page.wait_for_timeout(200)
     page.click("#copy-figures")
-    result["text"] = page.inner_text("#copied")
+    result["text"] = page.text_content("#copied")
     if len(sys.argv) > 4:
         page.screenshot(path=f"{sys.argv[4]}/ghost.png")
     desk.close(page)

@@ -210,8 +210,13 @@ def tune(desk):
     field(mass).fill("-1")
     page.keyboard.press("Enter")
     says(page, "out of range")
-    page.evaluate("document.activeElement.blur()")
     value(page, mass, 1.25)
+    for text in ("abc", "1e999"):
+        field(mass).fill(text)
+        page.keyboard.press("Enter")
+        wait(page, "(text) => document.getElementById('status').textContent === `\\`${text}\\` is no number`", text)
+        value(page, mass, 1.25)
+    page.evaluate("document.activeElement.blur()")
     # From the middle of twice its value to three quarters, in some moves.
     box = slider(gain).bounding_box()
     page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)

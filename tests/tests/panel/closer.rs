@@ -56,7 +56,15 @@ fn every_plot_follows_a_zoom_by_any_means_down_to_each_step() {
     assert_near(range(&output["typed"]), [1.2345, 1.2645], 1e-9);
     assert_near(range(&output["key panned"]), [1.2375, 1.2675], 1e-9);
     assert_near(range(&output["key zoomed"]), [1.2225, 1.2825], 1e-9);
-    assert_eq!(output["refused"], "a range ends after it begins");
+    assert_eq!(
+        output["refused"],
+        json!(["a range ends after it begins", "1.2825"])
+    );
+    assert_eq!(
+        output["no number"],
+        json!(["`7,5` is no number of seconds", "1.2825"])
+    );
+    assert_near(range(&output["beyond"]), [1.2225, 5.0], 1e-9);
     assert_near(range(&output["double"]), [0.0, 5.0], 1e-9);
     assert_eq!(output["cursors"], false, "a double click leaves no cursor");
     assert_eq!(output["log"], json!(["true", 3]));
@@ -215,6 +223,7 @@ fn everything_is_found_by_its_name_and_a_fault_asks_before_it_is_injected() {
     };
     let output = play.result();
     assert_eq!(output["dropout"], json!([dropout, "prepared", "fault"]));
+    assert_eq!(output["dropouts"][0], "prepared", "{output}");
     assert_eq!(output["armed"], json!([true, dropout]));
     assert_eq!(output["let go"], false, "Enter does not confirm");
     assert_eq!(output["escaped"], json!([0, false]));

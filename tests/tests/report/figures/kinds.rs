@@ -112,6 +112,8 @@ fn the_spectrum_of_a_sine_has_its_amplitude_and_that_of_a_run_agrees_with_numpy(
     assert!(table.contains("<svg ") && table.contains("<th scope=\"col\">frequency [Hz]</th>"));
     let row = "<th scope=\"row\">reference</th><td>1.5</td><td>0.01</td>";
     assert!(table.contains(row), "{table}");
+    let rows = table.matches("<th scope=\"row\">reference</th>").count();
+    assert_eq!(rows, 1, "rounding is no line: {table}");
     let Some(python) = python("numpy") else {
         return skip("Python has no numpy", "HIL_TEST_PYTHON");
     };

@@ -30,6 +30,11 @@ fn escaped(text: &str) -> String {
             '\\' => result.push_str("\\textbackslash{}"),
             '~' => result.push_str("\\textasciitilde{}"),
             '^' => result.push_str("\\textasciicircum{}"),
+            '<' => result.push_str("\\textless{}"),
+            '>' => result.push_str("\\textgreater{}"),
+            '|' => result.push_str("\\textbar{}"),
+            // An empty line would end the paragraph, which no caption may.
+            '\n' | '\r' => result.push(' '),
             other => result.push(other),
         }
     }
@@ -73,6 +78,10 @@ mod tests {
             "{text}"
         );
         assert!(text.contains("\\includegraphics{a}"));
+        assert_eq!(
+            escaped("|x| < 1\nand\n\ny > 2"),
+            "\\textbar{}x\\textbar{} \\textless{} 1 and  y \\textgreater{} 2"
+        );
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Spectrum of a signal: amplitudes, or the amplitude spectral density, by the method of Welch (1967).
 //!
 //! Segments of equal length overlap by half; each loses its mean and is multiplied by the window, and the squares of
-//! their transforms are averaged. Never fills a gap: a signal with one has no spectrum.
+//! their transforms are averaged. Missing values at both ends are left out, as the command of the last record. Never
+//! fills a gap: a signal with one has no spectrum.
 
 use std::f64::consts::PI;
 
@@ -37,6 +38,12 @@ pub(super) fn spectrum(
     rate_hz: f64,
     plan: &SpectrumPlan,
 ) -> Result<Spectrum, String> {
+    let first = values.iter().position(|value| value.is_finite());
+    let last = values.iter().rposition(|value| value.is_finite());
+    let values = match (first, last) {
+        (Some(first), Some(last)) => &values[first..=last],
+        _ => values,
+    };
     let missing = values.iter().filter(|value| !value.is_finite()).count();
     if missing > 0 {
         return Err(format!(
@@ -186,6 +193,21 @@ mod tests {
         };
         let refused = |values: &[f64]| spectrum(values, 1000.0, &plan).expect_err("refused");
         assert!(refused(&[0.0; 100]).contains("10000 of 100 records"));
-        assert!(refused(&[0.0, f64::NAN]).contains("1 of 2 values are missing"));
+        assert!(refused(&[0.0, f64::NAN, 0.0]).contains("1 of 3 values are missing"));
+        assert!(refused(&[f64::NAN; 2]).contains("2 of 2 values are missing"));
+    }
+
+    #[test]
+    fn missing_values_at_both_ends_are_left_out() {
+        let plan = SpectrumPlan {
+            window: SpectralWindow::Hann,
+            is_density: false,
+            resolution_hz: None,
+        };
+        let values = sine(0.7, 50.0, 5000);
+        let expected = spectrum(&values, 1000.0, &plan);
+        let padded = [vec![f64::NAN], values, vec![f64::NAN]].concat();
+        assert_eq!(spectrum(&padded, 1000.0, &plan), expected);
+        assert!(expected.is_ok());
     }
 }

@@ -18,6 +18,8 @@ use crate::plots::words::{capital, lower};
 
 /// Greatest number of lines in the table of a spectrum.
 const MOST_LINES: usize = 12;
+/// Height of a line, as a part of the highest, below which it is rounding.
+const ROUNDING: f64 = 1e-9;
 
 pub(super) fn spectra(
     settings: &SpectrumPlan,
@@ -62,9 +64,11 @@ pub(super) fn spectra(
                 notes.push(note);
             }
             let lines = &spectrum.lines[1..];
+            let highest = lines.iter().map(|line| line[1]).fold(0.0, f64::max);
             let mut peaks: Vec<&[f64; 2]> = (lines.windows(3))
                 .filter(|three| three[0][1] < three[1][1] && three[1][1] >= three[2][1])
                 .map(|three| &three[1])
+                .filter(|peak| peak[1] >= ROUNDING * highest)
                 .collect();
             peaks.sort_by(|a, b| b[1].total_cmp(&a[1]));
             let name = if label.is_empty() { &read.name } else { &label };

@@ -73,19 +73,22 @@ const figuresAsText = ({ title, head, rows }) => [title, head.join("\t"), ...row
 const asRequirement = (name, [from_s, to_s], { least, greatest, count }, steps) => {
   const time = (value) => String(+value.toPrecision(12)).replace("e+", "e");
   const size = (value) => String(value).replace("e+", "e");
-  const title = `${name}_${time(from_s)}s_to_${time(to_s)}s`.replace(/[^A-Za-z0-9_-]/g, "_");
+  // A name has at most 64 characters; the times stay whole.
+  const between = `_${time(from_s)}s_to_${time(to_s)}s`;
+  const title = (name.slice(0, 64 - between.length) + between).replace(/[^A-Za-z0-9_-]/g, "_");
   const missing = count < steps ? `# ${steps - count} of ${steps} steps have no value, and count against it\n` : "";
   return `${missing}[[requirements]]\nname = "${title}"\nformula = "always[${time(from_s)}s,${time(to_s)}s](${name} >= ${size(least)} and ${name} <= ${size(greatest)})"\n`;
 };
 
-// Puts a text on the clipboard, or selects it in its box where the browser refuses that.
+// Puts a text on the clipboard, or shows and selects it in its box where the browser refuses that.
 const copyText = async (text, box) => {
   box.textContent = text;
-  box.hidden = false;
   try {
     await navigator.clipboard.writeText(text);
+    box.hidden = true;
     return true;
   } catch {
+    box.hidden = false;
     const range = document.createRange();
     range.selectNodeContents(box);
     getSelection().removeAllRanges();

@@ -33,7 +33,22 @@ const fuzzy = (query, text) => {
 };
 
 const MOST_FOUND = 60;
-// The palette of a page. `entries` gives what can be found: `kind`, `name`, `detail`, and what Enter does.
+// Ranks of what is found: what has every word of the query first, in the order of these ranks, then what has its letters.
+const RANK = { prepared: 0, signal: 1, plot: 2, mark: 3, other: 4, fault: 5 };
+const rankOf = (entry) => RANK[entry.rank ?? entry.kind] ?? RANK.other;
+const foundOf = (all, query) => {
+  const words = query.toLowerCase().split(/\s+/).filter((word) => word);
+  const scored = all.map((entry) => {
+    const text = `${entry.name} ${entry.kind}`;
+    const hasWords = words.every((word) => text.toLowerCase().includes(word));
+    const rank = rankOf(entry);
+    const isBetween = rank !== RANK.prepared && rank !== RANK.fault;
+    return { entry, score: query ? fuzzy(query, text) ?? (hasWords ? 0 : null) : 0, tier: hasWords ? rank : 10 + (isBetween ? RANK.other : rank) };
+  });
+  return scored.filter((one) => one.score !== null).sort((a, b) => a.tier - b.tier || b.score - a.score).map((one) => one.entry);
+};
+// The palette of a page. `entries` gives what can be found: `kind`, `name`, `detail`, a `rank` that is not that of its
+// kind, and what Enter does.
 const paletteOf = (entries) => {
   const dialog = document.createElement("dialog");
   dialog.id = "palette";
@@ -61,8 +76,7 @@ const paletteOf = (entries) => {
   };
   const find = () => {
     const query = field.value.trim();
-    const scored = all.map((entry) => ({ entry, score: query ? fuzzy(query, `${entry.name} ${entry.kind}`) : 0 }));
-    matches = scored.filter((one) => one.score !== null).sort((a, b) => b.score - a.score).slice(0, MOST_FOUND).map((one) => one.entry);
+    matches = foundOf(all, query).slice(0, MOST_FOUND);
     list.replaceChildren(...matches.map((entry, nth) => {
       const row = document.createElement("li");
       row.id = "found-" + nth;

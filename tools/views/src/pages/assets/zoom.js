@@ -12,6 +12,11 @@ const timeAxis = ({ whole, least, shown, show }) => {
     const start = Math.min(Math.max(middle - width / 2, begin), end - width);
     show([start, start + width]);
   };
+  // Between two times: an end outside of the axis is moved onto it, and the other stays.
+  const between = (from, to) => {
+    const [begin, end] = whole();
+    go(Math.min(Math.max(from, begin), end), Math.min(Math.max(to, begin), end));
+  };
   const zoom = (factor, at) => {
     const [from, to] = shown();
     const fixed = at ?? (from + to) / 2;
@@ -22,7 +27,7 @@ const timeAxis = ({ whole, least, shown, show }) => {
     go(from + part * (to - from), to + part * (to - from));
   };
   const all = () => go(...whole());
-  return { go, zoom, pan, all };
+  return { whole, least, go, between, zoom, pan, all };
 };
 
 // A number of pixels below which a pressed pointer has not moved.
@@ -93,7 +98,7 @@ const hearPointer = (u, axis, shown, click, back) => {
     band.hidden = true;
     if (pointers.size) begun = { at: places(), span: shown(), isPan: true, hasMoved: true };
     else if (isDone && !hasMoved) click(timeAt(part));
-    else if (isDone && !isPan) axis.go(...[timeAt(at[0], span), timeAt(part, span)].sort((a, b) => a - b));
+    else if (isDone && !isPan) axis.between(...[timeAt(at[0], span), timeAt(part, span)].sort((a, b) => a - b));
   };
   over.addEventListener("pointerup", (event) => end(event, true));
   over.addEventListener("pointercancel", (event) => end(event, false));

@@ -3,6 +3,14 @@
 
 // ---- The range ----
 
+// The time in a field: `null` of an empty one, NaN of a text that is no number, of which the page tells.
+const typedTime = (id) => {
+  const text = byId(id).value.trim();
+  const time = text === "" ? null : Number(text);
+  if (time === null || Number.isFinite(time)) return time;
+  write(byId("status"), `\`${text}\` is no number of seconds`);
+  return NaN;
+};
 const showRange = () => {
   const [from, to] = span();
   byId("range").hidden = !closer;
@@ -13,14 +21,20 @@ const showRange = () => {
   for (const [id, time] of [["from", from], ["to", to]]) if (document.activeElement !== byId(id)) byId(id).value = seconds(time);
   root.dataset.range = closer ? `${from} ${to}` : "";
 };
-for (const id of ["from", "to"]) {
+for (const [place, id] of ["from", "to"].entries()) {
   byId(id).addEventListener("change", () => {
-    const [from, to] = ["from", "to"].map((one) => Number(byId(one).value));
-    if (byId(id).value.trim() === "" || !(to > from)) {
-      write(byId("status"), "a range ends after it begins");
-      return showRange();
+    // The other end is the one in sight, with all its digits.
+    const part = [...span()];
+    const before = seconds(part[place]);
+    const time = typedTime(id);
+    const [begin, end] = axis.whole();
+    part[place] = Math.min(Math.max(time, begin), end);
+    if (time === null || !(part[1] - part[0] >= axis.least() * (1 - 1e-9))) {
+      if (time !== null && !Number.isNaN(time)) write(byId("status"), part[1] > part[0] ? "a range has at least 4 steps" : "a range ends after it begins");
+      byId(id).value = before;
+      return;
     }
-    axis.go(from, to);
+    axis.between(...part);
     byId(id).blur();
   });
   byId(id).addEventListener("blur", () => about && showRange());
@@ -77,10 +91,11 @@ const cursorsChanged = () => {
 };
 for (const [place, id] of ["cursor-a", "cursor-b"].entries()) {
   byId(id).addEventListener("change", () => {
-    const text = byId(id).value.trim();
-    const time = Number(text);
-    if (text !== "" && !(time >= 0)) return cursorsChanged();
-    cursors.put(place, text === "" ? null : Math.round(time / period()));
+    const time = typedTime(id);
+    if (time === null) return cursors.put(place, null);
+    if (time >= 0) return cursors.put(place, Math.round(time / period()));
+    const step = cursors.steps[place];
+    byId(id).value = step === null ? "" : seconds(step * period());
   });
 }
 byId("clear-cursors").addEventListener("click", () => cursors.clear());
@@ -96,7 +111,7 @@ const takeFigures = (answer) => {
   root.dataset.measured = `${answer.from} ${answer.to}`;
 };
 const isBetween = () => cursors.steps.every((one) => one !== null);
-// The columns of the table: heading, value of a signal's figures, and a unit.
+// The columns of the table behind signal and unit: heading, and value of a signal's figures.
 const columnsOfFigures = () => {
   const [a, b] = cursors.steps;
   const first = a === null || (b !== null && b < a) ? 1 : 0;
@@ -115,19 +130,29 @@ const columnsOfFigures = () => {
     : [[`other at ${single}`, (one) => other(one)?.at[0] ?? null], ["difference", (one) => less(one.at[0], other(one)?.at[0])]];
   return columns.concat(differences);
 };
+// The reason why no requirement can be copied of a signal, or "".
+const whyNoRequirement = (name, one) => {
+  if (name.startsWith("parameter.")) return "a requirement is on signals, not on parameters";
+  if (!/^[A-Za-z_]/.test(name) || /_(ns|steps)$/.test(name)) return "a requirement cannot name this signal";
+  if (isNothing(one.least)) return "it has no value between the cursors";
+  return !about.recorded && basis > 1 ? "it needs every step, which the panel has not kept: hil panel RUN" : "";
+};
 const showFigures = () => {
   const columns = columnsOfFigures();
   const head = make("tr");
-  head.append(make("th", "signal", { scope: "col" }), ...columns.map(([title]) => make("th", title, { scope: "col", class: "n" })), make("th", make("span", "copy", { class: "visually-hidden" }), { scope: "col" }));
+  head.append(make("th", "signal", { scope: "col" }), make("th", "unit", { scope: "col" }), ...columns.map(([title]) => make("th", title, { scope: "col", class: "n" })), make("th", make("span", "copy", { class: "visually-hidden" }), { scope: "col" }));
   byId("figures-head").replaceChildren(head);
   const ends = cursors.ends();
   const steps = ends[1] - ends[0] + 1;
   byId("figures").replaceChildren(...[...figures.values()].map((one) => {
     const { name, unit } = signals[one.signal];
     const row = make("tr");
-    row.append(make("th", name, { scope: "row" }), ...columns.map(([, value]) => make("td", shown(value(one), unit), { class: "n" })));
+    // A time in ns is written with a unit that suits it.
+    const own = unit === "ns" ? unit : "";
+    row.append(make("th", name, { scope: "row" }), make("td", own || unit === "1" ? "" : unit, { class: "unit" }), ...columns.map(([, value]) => make("td", shown(value(one), own), { class: "n" })));
     const copy = make("button", "requirement", { type: "button", "aria-label": `Copy a requirement on ${name}` });
-    copy.disabled = !/^[A-Za-z_]/.test(name) || /_(ns|steps)$/.test(name) || isNothing(one.least) || !about.recorded && basis > 1;
+    copy.title = whyNoRequirement(name, one);
+    copy.disabled = copy.title !== "";
     copy.addEventListener("click", () => copyAndTell(asRequirement(name, ends.map((step) => step * period()), one, steps), `a requirement on ${name}`));
     const last = make("td");
     last.append(copy);
@@ -223,18 +248,18 @@ const injectKind = (kind) => {
 };
 const entries = () => {
   const list = [];
-  const add = (kind, name, detail, does) => list.push({ kind, name, detail, does });
+  const add = (kind, name, detail, does, rank) => list.push({ kind, name, detail, does, rank });
   for (const plot of plots) add("plot", plot.spec.title, plot.spec.unit, () => goTo(plot));
   for (const one of signals) {
     const home = plots.find((plot) => plot.spec.signals.includes(one.place));
     add("signal", one.name, one.unit, () => (about.recorded ? plotSignal(one.place) : home && goTo(home)));
   }
   if (!about.recorded) {
-    for (const button of byId("buttons").children) add("fault", button.title, "prepared", () => button.disabled || arm(button));
+    for (const button of byId("buttons").children) add("fault", button.title, "prepared", () => button.disabled || arm(button), "prepared");
     for (const kind of kinds) add("fault", kind.kind, kind.summary, () => injectKind(kind));
     for (const knob of knobs.values()) add("value", knob.told.key, shown(knob.now(), knob.told.unit), () => focusIn(knob.field));
   }
-  for (const one of shades) add("fault", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s));
+  for (const one of shades) add("fault", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s), "mark");
   for (const one of notes) add("mark", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s));
   for (const one of state?.requirements ?? []) {
     const time = one.at_s ?? one.decided_at_s;

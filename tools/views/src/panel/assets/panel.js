@@ -833,9 +833,13 @@ class Knob {
     this.slider.addEventListener("input", () => this.ask(this.at(Number(this.slider.value))));
     this.slider.addEventListener("change", () => (this.isHeld = false));
     this.field.addEventListener("change", () => {
-      const value = real(this.field.value);
-      if (this.field.value.trim() === "" || Number.isNaN(value)) return this.show();
-      this.ask(value);
+      const text = this.field.value.trim();
+      const value = real(text);
+      // Digits that give no finite number are too many for one.
+      const isNumber = !Number.isNaN(value) && (Number.isFinite(value) || !/\d/.test(text));
+      if (text !== "" && isNumber) return this.ask(value);
+      if (text !== "") write(byId("status"), `\`${text}\` is no number`);
+      this.show(true);
     });
     this.back.addEventListener("click", () => {
       this.wish = null;
@@ -866,7 +870,8 @@ class Knob {
     return this.wish ?? real(this.told.target);
   }
 
-  show() {
+  // Leaves a field in which somebody types as it is, unless its text was refused.
+  show(isRefused = false) {
     const value = this.now();
     if (Number.isFinite(value) && (value < this.span[0] || value > this.span[1])) this.span = this.reach();
     const [low, high] = this.span;
@@ -874,7 +879,7 @@ class Knob {
     this.slider.value = String(Math.round((share || 0) * POSITIONS));
     this.slider.setAttribute("aria-valuetext", shown(value, this.told.unit));
     this.field.placeholder = "not set";
-    if (document.activeElement !== this.field) this.field.value = Number.isNaN(value) ? "" : typed(value);
+    if (isRefused || document.activeElement !== this.field) this.field.value = Number.isNaN(value) ? "" : typed(value);
     this.row.dataset.changed = String(this.told.is_changed);
     this.back.hidden = !this.told.is_changed || Number.isNaN(real(this.told.original));
   }
@@ -901,7 +906,8 @@ class Knob {
     }
     const value = this.wish;
     this.wish = null;
-    this.told = { ...this.told, target: value, is_changed: true };
+    this.before = this.told;
+    this.told = this.asked = { ...this.told, target: value, is_changed: true };
     const ramp_s = Number(byId("tune-ramp").value);
     const set = [{ key: this.told.key, value: wire(value) }];
     this.send(byId("tune-ramp").value.trim() && ramp_s > 0 ? { set, ramp_s } : { set });
@@ -915,7 +921,13 @@ class Knob {
 
   answered(isDone) {
     this.isAsking = false;
-    if (!isDone) this.wish = null;
+    if (!isDone) {
+      this.wish = null;
+      const isStill = real(this.field.value) === real(this.asked?.target ?? NaN);
+      if (this.told === this.asked) this.told = this.before;
+      this.show(isStill);
+    }
+    this.asked = null;
     this.push();
   }
 }

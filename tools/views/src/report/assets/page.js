@@ -39,7 +39,7 @@ const nanoseconds = (ns) => {
   return `${rounded(value, String(Math.floor(value)).length + places).toFixed(places)} ${unit}`;
 };
 const seconds = (time) => String(+time.toFixed(6));
-const isNothing = (value) => value === null || value === undefined;
+const isNothing = (value) => value === null || value === undefined || Number.isNaN(value);
 const shown = (value, unit) => (isNothing(value) ? "-" : unit === "ns" ? nanoseconds(value) : number(value) + (unit && unit !== "1" ? " " + unit : ""));
 const unitOf = (unit) => (unit && unit !== "1" ? ` [${unit}]` : "");
 
