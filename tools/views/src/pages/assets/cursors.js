@@ -71,7 +71,7 @@ const figuresAsText = ({ title, head, rows }) => [title, head.join("\t"), ...row
 
 // The skeleton of a requirement: the signal stays in the range that it had between the cursors, which are times in s.
 const asRequirement = (name, [from_s, to_s], { least, greatest, count }, steps) => {
-  const time = (value) => String(+value.toPrecision(12)).replace("e+", "e");
+  const time = (value) => String(Math.round(value * 1e9) / 1e9);
   const size = (value) => String(value).replace("e+", "e");
   // A name has at most 64 characters; the times stay whole.
   const between = `_${time(from_s)}s_to_${time(to_s)}s`;
