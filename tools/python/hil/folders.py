@@ -1,6 +1,7 @@
 """Folders of sessions in two processes.
 
-Each is locked as long as its Python lives. A Python that is killed leaves its folder; the next one removes it.
+Each is locked as long as its Python or a process of the run lives. A Python that is killed leaves its folder, which a
+later session removes.
 """
 
 from __future__ import annotations

@@ -72,6 +72,7 @@ class RemoteSession:
                 stderr=subprocess.PIPE,
                 env=environment(),
                 start_new_session=True,
+                pass_fds=(lock,),  # in use until they have ended, too
                 preexec_fn=_dying_with(os.getpid()),
             )
         except OSError as error:
