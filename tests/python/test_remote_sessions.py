@@ -8,6 +8,7 @@ Skipped without HIL_BIN.
 import os
 import pathlib
 import signal
+import subprocess
 import sys
 import tempfile
 import threading
@@ -87,6 +88,33 @@ class RemoteSessions(unittest.TestCase):
                     session.step_to(end_s)
                 self.check_aborted(session)
             os.remove("hangs")
+
+    def test_the_folder_of_a_killed_python_is_removed_by_a_later_session(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        scenario, values = CLONE / "scenarios" / "spring-mass.toml", {"plant.program": plant}
+        environment = {**os.environ, "PYTHONPATH": str(CLONE / "tools" / "python")}
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            script = (
+                "import hil, os\n"
+                f"session = hil.Session({str(scenario)!r}, set={{'plant.program': {str(plant)!r}}})\n"
+                "session.step(10)\n"
+                "print(session._native._folder, flush=True)\n"
+                f"os.kill(os.getpid(), {int(number)})\n"
+            )
+            with hil.Session(scenario, set=values) as other:
+                output = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True)
+                self.assertEqual(output.returncode, -number, output.stderr)
+                (folder,) = output.stdout.splitlines()
+                # That of a session that is open stays.
+                self.assertTrue(os.path.exists(other._native._folder))
+                # Once the processes of the run have ended as well.
+                deadline = time.monotonic() + 60
+                while os.path.exists(folder):
+                    self.assertLess(time.monotonic(), deadline)
+                    hil.Session(scenario, set=values).close()
+                self.assertTrue(os.path.exists(other._native._folder))
+                other.step_to()
+                self.assertTrue(other.result().passed)
 
 
 if __name__ == "__main__":

@@ -48,12 +48,13 @@ def evaluate(
     """Runs a scenario once for each point and returns the results in their order.
 
     A point is a mapping of keys of the scenario to values, or, with `keys`, a row of values. A frame of pandas or
-    polars has its keys as columns, of which `keys` may choose some. `set` changes values for all points. Plants and laws that are built into `hil` run in this process, one point on each core; `workers` limits
-    their number. Where the scenario names a program, `hil run` runs one point after another. Nothing is recorded.
+    polars has its keys as columns, of which `keys` may choose some. `set` changes values for all points. Plants and
+    laws that are built into `hil` run in this process, one point on each core; `workers` limits their number. Where
+    the scenario names a program, `hil run` runs one point after another. Nothing is recorded.
 
     Raises `UsageError` with the number of the point if one is invalid, before any run; where the scenario names a
-    program, values of its sides are checked before the run of their point. A run that diverges is a result, with the verdict
-    `aborted`. Ctrl-C ends all runs and raises KeyboardInterrupt.
+    program, values of its sides are checked before the run of their point. A run that diverges is a result, with the
+    verdict `aborted`. Ctrl-C ends all runs and raises KeyboardInterrupt.
     """
     keys, points = _columns(points, keys)
     first, common = settings(set), dict(set or {})

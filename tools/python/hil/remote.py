@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import socket
 import struct
 import subprocess
-import tempfile
 import time
 import weakref
 from pathlib import Path
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
+from . import folders
 from .errors import CommandError, InfrastructureError, SessionError, of_exit_code
 from .programs import cannot_start, environment, find, parsed, succeed
 from .result import Run
@@ -59,7 +58,7 @@ class RemoteSession:
     """A held run in two processes, with the interface of the native session."""
 
     def __init__(self, path: str, flags: Sequence[str]) -> None:
-        self._folder = tempfile.mkdtemp(prefix="hil-session-")
+        self._folder, lock = folders.create()
         self._name = f"py-{os.getpid()}-{os.urandom(4).hex()}"
         out = os.path.join(self._folder, "run")
         command = [find(), "run", "--json", "--pause-at=0", f"--session={self._name}", f"--out={out}"]
@@ -73,12 +72,13 @@ class RemoteSession:
                 stderr=subprocess.PIPE,
                 env=environment(),
                 start_new_session=True,
+                pass_fds=(lock,),  # in use until they have ended, too
                 preexec_fn=_dying_with(os.getpid()),
             )
         except OSError as error:
-            shutil.rmtree(self._folder, ignore_errors=True)
+            folders.remove(self._folder, lock)
             raise cannot_start(command[0], error) from error
-        self._end = weakref.finalize(self, _end, self._process, self._folder, os.getpid())
+        self._end = weakref.finalize(self, _end, self._process, self._folder, lock, os.getpid())
         self._owner = os.getpid()
         self._command = command
         self._run: Optional[Run] = None
@@ -103,7 +103,7 @@ class RemoteSession:
                 sessions = parsed(succeed(["sessions", "--json"]))["sessions"]
                 folders = [one["folder"] for one in sessions if one["name"] == self._name]
                 path = os.path.join(folders[0], SOCKET) if folders else None
-            elif os.path.exists(path):
+            elif _listens(path):
                 return path
             time.sleep(LOOK_S)
 
@@ -366,6 +366,16 @@ class RemoteObserver:
         self.memory = bytearray(8 * len(self.names))
 
 
+def _listens(path: str) -> bool:
+    """Returns `True` if a process accepts connections at a socket, whose file exists a moment earlier."""
+    with socket.socket(socket.AF_UNIX) as stream:
+        try:
+            stream.connect(path)
+        except (FileNotFoundError, ConnectionRefusedError):
+            return False
+    return True
+
+
 def _step_at_or_after(time_s: float, rate_hz: float) -> int:
     """Returns the first step at or after a time."""
     step = int(time_s * rate_hz)
@@ -394,11 +404,11 @@ def _dying_with(parent: int) -> Any:
     return die_with_parent
 
 
-def _end(process: subprocess.Popen[bytes], folder: str, owner: int) -> None:
+def _end(process: subprocess.Popen[bytes], folder: str, lock: int, owner: int) -> None:
     """Ends the run, which cleans up after itself, and removes its folder."""
     if os.getpid() != owner:
         return
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
     process.communicate()
-    shutil.rmtree(folder, ignore_errors=True)
+    folders.remove(folder, lock)

@@ -166,7 +166,8 @@ class Session:
         """Executes n steps; fewer if the run ends earlier.
 
         Ctrl-C raises KeyboardInterrupt between two steps, and the session goes on from there; raised inside of a class
-        or while a program hangs, it ends the run, and `is_over` is `True`. Raises `InfrastructureError` if plant or law fail, and `SessionError` after the end of the run.
+        or while a program hangs, it ends the run, and `is_over` is `True`. Raises `InfrastructureError` if plant or law
+        fail, and `SessionError` after the end of the run.
         """
         self._step(n)
 
