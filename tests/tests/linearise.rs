@@ -293,10 +293,50 @@ fn a_point_without_a_linear_model_is_refused_by_name() {
     }
     rig.hil(&["linearise", SPRING_MASS, "--of", "plant", "--at", "5"])
         .expect(2)
-        .says(&["--at 5 is not in the run, which is from 0 to 5 s"]);
+        .says(&["--at 5 is not in the run, whose last step is at 4.999 s"]);
     rig.hil(&["linearise", SPRING_MASS, "--of", "law"])
         .expect(2)
         .says(&["no past before its first sample", "--at"]);
+}
+
+#[test]
+fn a_loop_is_refused_while_a_fault_acts_between_plant_and_law() {
+    let rig = Rig::new();
+    let text = fs::read_to_string(workspace().join(SPRING_MASS)).expect("a scenario");
+    let of_loop = |begin: &str, [kind, target, parameter]: [&str; 3]| {
+        let fault = format!(
+            "\n[[faults]]\nkind = \"{kind}\"\n{begin}\n[[faults.effects]]\ntarget = \"{target}\"\n{parameter}\n"
+        );
+        let scenario = rig.write("faulty.toml", &(text.clone() + &fault));
+        let scenario = scenario.display().to_string();
+        rig.hil(&["linearise", &scenario, "--of", "loop", "--at", "0.6"])
+    };
+    let scale = ["scale", "measured.position_m", "factor = 0.5"];
+    for fault in [
+        scale,
+        ["delay", "command.force_n", "steps = 3"],
+        ["dead-band", "command.force_n", "dead_band = 0.1"],
+        ["dropout", "measured.position_m", ""],
+        ["message-delay", "link.sample", "steps = 2"],
+        ["skip", "controller", "steps = 1\nperiod_steps = 10"],
+    ] {
+        let [kind, target, _] = fault;
+        let name = format!("fault 1 ({kind}) acts on {target}, between plant and law");
+        of_loop("at_s = 0.1", fault).expect(1).says(&[
+            &name,
+            "choose an --at",
+            "--of plant and --of law",
+        ]);
+    }
+    of_loop("when = \"truth.position_m > 100\"", scale)
+        .expect(1)
+        .says(&["fault 1 (scale) may act on measured.position_m"]);
+    // Before its beginning, after its end, and on the reference, which comes from outside.
+    of_loop("at_s = 0.7", scale).expect(0);
+    of_loop("at_s = 0.1\nend_s = 0.6", scale).expect(0);
+    of_loop("at_s = 0.1\nduration_s = 0.2", scale).expect(0);
+    let reference = ["scale", "reference.position_m", "factor = 0.5"];
+    of_loop("at_s = 0.1", reference).expect(0);
 }
 
 #[test]

@@ -241,6 +241,19 @@ fn a_law_behind_an_actuator_is_not_said_to_hold_the_equilibrium() {
 }
 
 #[test]
+fn a_law_behind_a_biased_sensor_is_not_said_to_hold_the_equilibrium() {
+    let rig = Rig::new();
+    let bias = "\n[[faults]]\nkind = \"bias\"\nat_s = 0.1\n[[faults.effects]]\ntarget = \"measured.position_m\"\nbias = 0.002\n";
+    let scenario = rig.write("biased.toml", &(shipped(SPRING_MASS) + bias));
+    let scenario = scenario.to_str().expect("plain");
+    let held = ["--hold", "position_m=0.01", "--free", "force_n"];
+    let trim = trimmed(&rig, &[&[scenario, "--at", "1"], &held[..]].concat());
+    let refused = trim["law"]["refused"].as_str().expect("a reason");
+    let fault = "fault 1 (bias) acts on measured.position_m, between plant and law, with which";
+    assert!(refused.contains(fault), "{refused}");
+}
+
+#[test]
 fn an_equilibrium_beyond_a_limit_names_the_number_and_the_limit() {
     let rig = Rig::new();
     let more = "\n[plant.limits]\nposition_m = [-0.02, 0.02]\n\n[[sensors]]\nsignal = \"position_m\"\nrange = [-0.01, 0.01]\n";
@@ -309,6 +322,27 @@ set = { "plant.parameters.damping_n_s_per_m" = 3.0 }
     let second = ["fault 1 (stiffness-loss) ends at 1.5 s", condition, change];
     assert_eq!(at("1.2"), second);
     assert_eq!(at("2.5"), [condition]);
+}
+
+#[test]
+fn a_fault_whose_condition_has_held_is_not_still_to_come() {
+    let rig = Rig::new();
+    let push = |when: &str, more: &str| {
+        let fault = format!(
+            "\n[[faults]]\nkind = \"push\"\nwhen = \"{when}\"\n{more}[[faults.effects]]\nforce_n = 1.0\n"
+        );
+        let scenario = rig.write("pushed.toml", &(shipped(SPRING_MASS) + &fault));
+        let scenario = scenario.to_str().expect("plain");
+        trimmed(&rig, &[scenario, "--at", "0.4"])["still_to_come"].clone()
+    };
+    let always = "truth.position_m > -1";
+    assert_eq!(push(always, ""), Value::Array(Vec::new()));
+    // The first record decides, so the fault begins at step 1.
+    let end = ["fault 1 (push) ends at 1.001 s"];
+    assert_eq!(push(always, "duration_s = 1.0\n"), serde_json::json!(end));
+    let never = "truth.position_m > 100";
+    let begin = ["fault 1 (push) begins when truth.position_m > 100"];
+    assert_eq!(push(never, ""), serde_json::json!(begin));
 }
 
 #[test]

@@ -114,3 +114,56 @@ fn a_case_of_a_campaign_with_a_vacuous_pass_has_not_passed() {
     let shown = rig.hil(&["campaign", "show", text(&folder)]).expect(0);
     shown.prints(&["vacuous"]);
 }
+
+#[test]
+fn a_vacuous_case_of_a_search_is_no_passing_one() {
+    let rig = Rig::new();
+    scenario(&rig);
+    let search = |kind: &str, further: &str| {
+        let range =
+            "key = \"plant.parameters.mass_kg\"\nkind = \"uniform\"\nmin = 1.0\nmax = 1.1\n";
+        let contents = format!(
+            "schema = 1\nscenario = \"rules.toml\"\n[[vary]]\n{range}[search]\nruns = 5\n{further}"
+        );
+        let study = rig.write("search.toml", &contents);
+        let folder = rig.path(&format!("{kind}{}", further.len()));
+        rig.hil(&["search", kind, text(&study), "-o", text(&folder)])
+    };
+    for kind in ["worst", "smallest"] {
+        let reason = "`far` is vacuous at mass_kg 1, because the premise";
+        search(kind, "").expect(1).prints(&[reason]);
+    }
+    // Another requirement of the same cases can be searched.
+    let near = search("worst", "requirement = \"near\"\n").expect(0);
+    near.prints(&["is worst and passes"]);
+}
+
+#[test]
+fn a_list_of_runs_counts_vacuous_requirements_and_leaves_out_their_margins() {
+    let rig = Rig::new();
+    let mut scenario = shipped("scenarios/spring-mass.toml");
+    scenario.truncate(scenario.find("[[requirements]]").expect("requirements"));
+    // The mass stays below 30 mm, with a margin of about 20 mm, and about 1 m below the other limit.
+    let far = "always(truth.position_m > 5 implies truth.position_m < 1)";
+    let near_miss = "always(truth.position_m > 0.03 implies truth.position_m < 0)";
+    scenario += &RULES.replace(far, near_miss);
+    let scenario = rig.write("rules.toml", &scenario);
+    let run = rig.run(&format!(
+        "{} --link in-process --no-record",
+        scenario.display()
+    ));
+    let run = run.expect(0);
+    let summary = run.summary();
+    let robustness = |name: &str| requirement(&summary, name)["robustness"].as_f64();
+    assert!(robustness("far") < robustness("near"), "{summary}");
+    let listed = rig.hil(&["runs", text(&run.folder), "--json"]).expect(0);
+    let listed = &listed.json()["runs"][0];
+    assert_eq!(
+        (&listed["verdict"], &listed["vacuous"]),
+        (&"pass".into(), &1.into())
+    );
+    assert_eq!(listed["margin"]["requirement"], "near", "{listed}");
+    assert_eq!(listed["margin"]["robustness"].as_f64(), robustness("near"));
+    let table = rig.hil(&["runs", text(&run.folder)]).expect(0);
+    table.prints(&["pass, 1 vacuous"]);
+}

@@ -38,6 +38,15 @@ fn a_fault_that_samples_or_comes_and_goes_is_refused() {
     let reasons = ["fault 1 (scale) comes and goes", "--fault 0"];
     refused(&rig, &scenario, TWENTY, &reasons);
     measured(&rig, &scenario, &[TWENTY, &["--fault", "0"]].concat());
+    let effect_of_skip = "target = \"controller\"\nsteps = 1\nperiod_steps = 100";
+    let skips = teaching_with(&rig, &fault("skip", 0.0, effect_of_skip));
+    let again = "fault 1 (skip) makes the controller miss steps again every 100 steps";
+    refused(
+        &rig,
+        &skips,
+        TWENTY,
+        &[again, "varies in time", "--fault 0"],
+    );
     // A fault after or before the measurement is no part of it.
     let before = fault("scale", 0.0, effect).replace("at_s = 0.0", "at_s = 0.0\nend_s = 1.0");
     measured(&rig, &teaching_with(&rig, &before), TWENTY);

@@ -3,14 +3,17 @@
 
 use hil_config::plan::{Change, FaultEvent, Plan, Trigger};
 use shared_types::number::exact_in;
+use shared_types::record::FaultBegun;
 use shared_types::time::Step;
 
-/// Lists in words what begins or ends at or after a step.
-pub(crate) fn events(plan: &Plan, step: Step) -> Vec<String> {
+use crate::acting::begin;
+
+/// Lists in words what begins or ends at or after a step; `begun` are the effects that began before it.
+pub(crate) fn events(plan: &Plan, step: Step, begun: &[FaultBegun]) -> Vec<String> {
     let seconds = |at: u64| exact_in(plan.run.rate.seconds(Step(at)), "s");
     let fault = |event: &FaultEvent| {
         let name = format!("fault {} ({})", event.id, event.kind);
-        let Some(begin) = begin(plan, event) else {
+        let Some(begin) = begin(plan, event, begun) else {
             let Trigger::Condition(condition) = &event.trigger else {
                 return Some(format!(
                     "{name} begins after another fault with a condition"
@@ -41,16 +44,4 @@ pub(crate) fn events(plan: &Plan, step: Step) -> Vec<String> {
     faults
         .chain(plan.changes.iter().filter_map(change))
         .collect()
-}
-
-/// Returns the step at which an event begins; `None` if a condition decides.
-fn begin(plan: &Plan, event: &FaultEvent) -> Option<u64> {
-    match &event.trigger {
-        Trigger::Step { step, .. } => Some(step.0),
-        Trigger::Now | Trigger::Condition(_) => None,
-        Trigger::After { event, delay_steps } => {
-            let other = plan.faults.iter().find(|other| other.id == *event)?;
-            Some(begin(plan, other)? + delay_steps)
-        }
-    }
 }

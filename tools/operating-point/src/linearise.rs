@@ -12,7 +12,9 @@ use hil_console::terminal::output;
 use hil_facts::programs::binaries::host::ModelKind;
 use hil_facts::programs::binaries::{Binaries, Binary};
 use hil_facts::programs::scenario::Finder;
+use shared_types::time::Step;
 
+use crate::acting;
 use crate::arguments::{LineariseArguments, Part};
 use crate::closed_loop;
 use crate::continuous;
@@ -45,6 +47,9 @@ pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
         return Err(Failure::usage(
             "a law has no past before its first sample; give a later point with --at",
         ));
+    }
+    if arguments.of == Part::Loop {
+        refuse_fault_between(&plan, plan.run.rate.step_at_or_after(arguments.at))?;
     }
     // Refused before anything runs.
     let is_file = |path: &&Path| *path != Path::new("-");
@@ -187,6 +192,16 @@ fn refuse_between(plan: &Plan) -> Result<(), Failure> {
         None => Ok(()),
         Some(what) => Err(Failure::Differ(format!(
             "the loop has {what}, whose state has no names, so the linear loop would lack it; use --of plant and --of law"
+        ))),
+    }
+}
+
+/// Refuses a loop with a fault between plant and law at a step, before the run that would show if a condition held.
+fn refuse_fault_between(plan: &Plan, step: Step) -> Result<(), Failure> {
+    match acting::between(plan, step, &[]) {
+        None => Ok(()),
+        Some(fault) => Err(Failure::Differ(format!(
+            "{fault}, and the linear loop would lack it; choose an --at where it does not act, take it out of the scenario, or use --of plant and --of law"
         ))),
     }
 }

@@ -15,6 +15,7 @@ use hil_run::settings::Settings;
 use hil_run::{Environment, Origin};
 use shared_types::describe::{self, LawDescription};
 use shared_types::number::{exact, exact_in};
+use shared_types::record::{Event, FaultBegun};
 use shared_types::table::Field;
 use shared_types::time::Step;
 
@@ -28,9 +29,14 @@ pub(crate) struct Point {
     pub(crate) step: Step,
     /// Checkpoint before the step; none at step 0.
     pub(crate) checkpoint: Option<PathBuf>,
+    /// Effects of faults that began before the step.
+    pub(crate) begun: Vec<FaultBegun>,
     /// Names and values of the step's record.
     signals: Vec<(String, f64)>,
 }
+
+/// Signals of a step's record, and the effects of faults that began before.
+type Recorded = (Vec<(String, f64)>, Vec<FaultBegun>);
 
 impl Point {
     /// Runs a scenario into the folder `out`, up to a step. With `whole` the run goes on to its end.
@@ -45,12 +51,12 @@ impl Point {
     ) -> Result<Self, Failure> {
         let rate = plan.run.rate;
         let step = rate.step_at_or_after(at_s);
-        let end_s = rate.seconds(Step(plan.run.steps));
         if !(at_s >= 0.0 && step.0 < plan.run.steps) {
+            let last = Step(plan.run.steps.saturating_sub(1));
             return Err(Failure::usage(format!(
-                "--at {} is not in the run, which is from 0 to {}",
+                "--at {} is not in the run, whose last step is at {}",
                 exact(at_s),
-                exact_in(end_s, "s")
+                exact_in(rate.seconds(last), "s")
             )));
         }
         plan.run.clock = Clock::Lockstep;
@@ -82,7 +88,7 @@ impl Point {
                 _ => Failure::infrastructure(result.table.trim_end()),
             });
         }
-        let signals = record(out, step)?.ok_or_else(|| {
+        let (signals, begun) = record(out, step)?.ok_or_else(|| {
             let at = exact_in(rate.seconds(step), "s");
             Failure::Differ(format!(
                 "the run ends before {at}:\n{}",
@@ -94,6 +100,7 @@ impl Point {
             binaries: Arc::clone(binaries),
             step,
             checkpoint: (step.0 > 0).then(|| out.join(format!("checkpoint-{step}"))),
+            begun,
             signals,
         })
     }
@@ -150,18 +157,26 @@ fn all(
     Ok(settings)
 }
 
-/// Reads the signals of a step's record; `None` if the run ended before it.
-fn record(run: &Path, step: Step) -> Result<Option<Vec<(String, f64)>>, Failure> {
+/// Reads a step's record; `None` if the run ended before it.
+fn record(run: &Path, step: Step) -> Result<Option<Recorded>, Failure> {
     let mut reader = RunReader::open(run)
         .map_err(Failure::infrastructure)?
         .without_digest();
+    let mut begun = Vec::new();
     while reader.advance().map_err(Failure::infrastructure)? {
+        for event in reader.events() {
+            if let Event::Fault(one) = event
+                && one.step < step.0
+            {
+                begun.push(one.clone());
+            }
+        }
         if reader.step() == step.0 {
             let columns = reader.columns().iter().zip(reader.words());
             let signals = columns.filter(|(column, _)| column.is_signal());
             let signals =
                 signals.map(|(column, word)| (column.name.clone(), f64::from_bits(*word)));
-            return Ok(Some(signals.collect()));
+            return Ok(Some((signals.collect(), begun)));
         }
     }
     Ok(None)

@@ -18,6 +18,7 @@ use shared_types::side::Side;
 use shared_types::table::{Field, nearest};
 use shared_types::time::Step;
 
+use crate::acting;
 use crate::arguments::{ResolvedLists, TrimArguments};
 use crate::equilibrium::{Equilibrium, Law, Row};
 use crate::later;
@@ -225,7 +226,7 @@ fn trimmed(
         is_stable: modes.iter().all(Mode::decays),
         undetermined: solution.undetermined.clone(),
         exceeded: exceeded(&asker.point.plan, plant, map),
-        still_to_come: later::events(&asker.point.plan, asker.point.step),
+        still_to_come: later::events(&asker.point.plan, asker.point.step, &asker.point.begun),
         law,
         later_residual,
         checkpoint: asker.point.checkpoint.clone().unwrap_or_default(),
@@ -315,8 +316,10 @@ fn law(asker: &Asker<'_>, plant: &LocalMap, scratch: &Path) -> Result<Law, Failu
     if !asker.point.plan.controller.connections.is_empty() {
         return refused("its signals have other names in this scenario".into());
     }
-    if let Some(what) = between(&asker.point.plan) {
-        return refused(format!("the loop has {what}, with which it was not solved"));
+    let (plan, step) = (&asker.point.plan, asker.point.step);
+    let part = between(plan).map(|what| format!("the loop has {what}"));
+    if let Some(what) = part.or_else(|| acting::between(plan, step, &asker.point.begun)) {
+        return refused(format!("{what}, with which it was not solved"));
     }
     let mut sample = asker.point.sample(&described)?;
     for output in &plant.outputs {

@@ -13,7 +13,7 @@ use hil_console::files::runs::{self, RUNS, RunFolder, SCENARIO};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
-use hil_facts::results::requirements;
+use hil_facts::results::requirements::{self, VACUOUS};
 use hil_session::session;
 use serde::{Deserialize, Serialize};
 use shared_types::number::short_in;
@@ -80,7 +80,9 @@ struct Run {
     reason: Option<String>,
     #[serde(skip)]
     requirements: usize,
-    /// Requirement with the smallest robustness.
+    /// Number of requirements that passed although a conclusion was never called for.
+    vacuous: usize,
+    /// Requirement with the smallest robustness among those that are not vacuous.
     margin: Option<Margin>,
     steps: Option<u64>,
     digest: Option<String>,
@@ -106,6 +108,7 @@ struct Requirement {
     name: String,
     robustness: Option<f64>,
     unit: String,
+    vacuous: Option<String>,
 }
 
 /// Margin of a requirement.
@@ -172,7 +175,9 @@ impl Run {
             ..SummaryFacts::default()
         });
         let requirements = facts.requirements.len();
-        let margins = facts.requirements.into_iter().filter_map(|one| {
+        let (vacuous, judged): (Vec<_>, Vec<_>) =
+            { facts.requirements.into_iter() }.partition(|one| one.vacuous.is_some());
+        let margins = judged.into_iter().filter_map(|one| {
             Some(Margin {
                 requirement: one.name,
                 robustness: one.robustness?,
@@ -185,6 +190,7 @@ impl Run {
             set: facts.set,
             verdict,
             requirements,
+            vacuous: vacuous.len(),
             reason: facts.reason,
             margin: margins.min_by(|a, b| a.robustness.total_cmp(&b.robustness)),
             steps: facts.steps,
@@ -248,7 +254,7 @@ fn table(runs: &[Run]) -> Table {
         table.cells([
             begun(run.started_utc),
             line(&run.scenario),
-            requirements::in_words(run.verdict.name(), run.requirements).into(),
+            verdict(run),
             margin,
             of,
             size::shown(run.bytes),
@@ -259,6 +265,15 @@ fn table(runs: &[Run]) -> Table {
         }
     }
     table
+}
+
+/// Returns the verdict in words, with the number of vacuous requirements.
+fn verdict(run: &Run) -> String {
+    let word = requirements::in_words(run.verdict.name(), run.requirements);
+    match run.vacuous {
+        0 => word.into(),
+        vacuous => format!("{word}, {vacuous} {VACUOUS}"),
+    }
 }
 
 /// Formats a time for the user.

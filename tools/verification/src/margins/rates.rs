@@ -76,12 +76,24 @@ fn fault(plan: &Plan, course: Course) -> Option<String> {
                 effect.target
             )),
             (_, FaultAction::Kind { parameters, .. }) => {
-                let every = parameters.get("every_steps").filter(|every| *every > 1.0)?;
-                Some(format!(
-                    "samples {} at every {} step only, so the loop has two rates",
-                    effect.target,
-                    ordinal(every as u64)
-                ))
+                let above = |key: &str, least: f64| {
+                    let value = parameters.get(key);
+                    value.filter(|value| *value > least)
+                };
+                let sampled = above("every_steps", 1.0).map(|every| {
+                    format!(
+                        "samples {} at every {} step only, so the loop has two rates",
+                        effect.target,
+                        ordinal(every as u64)
+                    )
+                });
+                let repeated = above("period_steps", 0.0).map(|period| {
+                    format!(
+                        "makes the {} miss steps again every {period} steps, so the loop varies in time",
+                        effect.target
+                    )
+                });
+                sampled.or(repeated)
             }
             _ => None,
         })?;

@@ -7,6 +7,7 @@ use std::collections::BTreeSet;
 
 use hil_config::problem::Problems;
 use hil_console::terminal::exit::Failure;
+use hil_facts::results::requirements::VACUOUS;
 
 use super::super::answers;
 use super::super::evaluator::{Evaluation, Evaluator};
@@ -163,7 +164,7 @@ impl Trials {
     /// Runs and judges points. The first point of the first call must be the nominal one.
     ///
     /// # Errors
-    /// If a point is invalid or has no result, or if a verdict is undecided.
+    /// If a point is invalid or has no result, or if a verdict is undecided or vacuous.
     pub(super) fn attempt(&mut self, units: &[Vec<f64>]) -> Result<Vec<Trial>, Stop> {
         let points: Vec<Vec<f64>> = units.iter().map(|unit| self.values(unit)).collect();
         let evaluations = self.evaluator.evaluate(&points)?;
@@ -197,6 +198,16 @@ impl Trials {
         {
             return Err(Stop::Refused(format!(
                 "`{}` is undecided at {}, because the run ends before the formula can be judged; raise run.duration_s, or search another requirement",
+                self.evaluator.requirements()[*place].0,
+                self.evaluator.describe(&evaluation.point)
+            )));
+        }
+        let mut vacuous = self.requirements.iter();
+        if let Some(place) = vacuous.find(|one| verdict(one) == VACUOUS)
+            && !is_failed
+        {
+            return Err(Stop::Refused(format!(
+                "`{}` is vacuous at {}, because the premise of an `implies` never called for its conclusion, and that is no pass; search where the premise holds, write `not p or c` if it may stay unused, or search another requirement",
                 self.evaluator.requirements()[*place].0,
                 self.evaluator.describe(&evaluation.point)
             )));
