@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use hil_config::Response;
 use hil_config::plan::{Plot, Scale, SpectrumPlan};
+use shared_types::extremes::larger;
 use shared_types::number::short_in;
 
 use super::{Loops, Part, curve_labels, quantity};
@@ -64,7 +65,7 @@ pub(super) fn spectra(
                 notes.push(note);
             }
             let lines = &spectrum.lines[1..];
-            let highest = lines.iter().map(|line| line[1]).fold(0.0, f64::max);
+            let highest = lines.iter().map(|line| line[1]).fold(0.0, larger);
             let mut peaks: Vec<&[f64; 2]> = (lines.windows(3))
                 .filter(|three| three[0][1] < three[1][1] && three[1][1] >= three[2][1])
                 .map(|three| &three[1])
