@@ -219,6 +219,33 @@ class Sessions(unittest.TestCase):
         with self.assertRaises(hil.Error):
             hil.Session(SPRING, law=dict)
 
+    def test_a_reset_or_restore_that_fails_keeps_the_run(self):
+        sys.path.insert(0, str(EXAMPLE))
+        self.addCleanup(sys.path.remove, str(EXAMPLE))
+        import spring_mass
+
+        first = spring_mass.SpringMass.__init__
+        self.addCleanup(setattr, spring_mass.SpringMass, "__init__", first)
+
+        def failing(self, parameters):
+            raise ValueError("no start")
+
+        classes = {"plant": spring_mass.SpringMass, "law": spring_mass.Pid}
+        with hil.Session(SPRING) as expected, hil.Session(EXAMPLE / "spring-mass.toml", **classes) as session:
+            expected.step_to()
+            session.step(500)
+            saved = session.save()
+            session.step(100)
+            for replace in (session.reset, lambda: session.restore(saved)):
+                spring_mass.SpringMass.__init__ = failing
+                with self.assertRaisesRegex(hil.UsageError, "no start") as raised:
+                    replace()
+                self.assertIsInstance(raised.exception.__cause__, ValueError)
+                spring_mass.SpringMass.__init__ = first
+                self.assertEqual((session.step_index, session.is_over), (600, False))
+            session.step_to()
+            self.assertEqual(session.digest, expected.digest)
+
     def test_an_exception_of_a_class_is_the_cause_of_the_failure(self):
         sys.path.insert(0, str(EXAMPLE))
         self.addCleanup(sys.path.remove, str(EXAMPLE))
