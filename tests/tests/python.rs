@@ -18,7 +18,7 @@ import hil
 from hil.programs import find
 
 run = hil.run("scenarios/severe-leakage.toml", out="run")
-with hil.Session("scenarios/severe-leakage.toml", set={"run.duration_s": 0.1, "metrics": [], "requirements": []}) as session:
+with hil.Session("scenarios/severe-leakage.toml", set={"run.duration_s": 0.1, "faults": [], "metrics": [], "requirements": []}) as session:
     session.step_to()
     assert session.step_index == 1000
 print(find(), run.digest, len(run["truth.surface_angle_rad"]), len(run["tracking_error_rad"]))

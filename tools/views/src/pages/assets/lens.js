@@ -5,7 +5,7 @@
 // `ask` sends a message, `changed` follows each answer; a lens over the other run asks for that one.
 const lensOf = ({ ask, changed, over = false }) => {
   let data = new Map();
-  let number = 0;
+  let turn = 0;
   let span = null;
   let most = 0;
   let places = [];
@@ -14,10 +14,10 @@ const lensOf = ({ ask, changed, over = false }) => {
   let asked = [];
   const answered = new Map();
   const request = () => {
-    const missing = places.filter((place) => answered.get(place) !== number).slice(0, 64);
+    const missing = places.filter((place) => answered.get(place) !== turn).slice(0, 64);
     if (!missing.length || isAsking) return;
     [isAsking, asked] = [true, missing];
-    ask({ ask: "read", number, from: span[0], to: span[1], most, signals: missing, over });
+    ask({ ask: "read", number: turn, from: span[0], to: span[1], most, signals: missing, over });
   };
   const lens = {
     first: 0, last: -1, length: 1, base: 0, size: 1, newest: -1,
@@ -28,7 +28,7 @@ const lensOf = ({ ask, changed, over = false }) => {
       places = signals;
       if (!span || span[0] !== from || span[1] !== to || most !== room) {
         [span, most] = [[from, to], room];
-        number = (number + 1) >>> 0;
+        turn = (turn + 1) >>> 0;
         isAsking = false;
       }
       request();
@@ -36,14 +36,14 @@ const lensOf = ({ ask, changed, over = false }) => {
     // Asks again, as behind a broken connection or for what came since.
     again() {
       if (!span) return;
-      number = (number + 1) >>> 0;
+      turn = (turn + 1) >>> 0;
       isAsking = false;
       request();
     },
     // Takes an answer.
     take(buffer) {
       const words = new DataView(buffer);
-      if (words.getUint32(4, true) !== number) return;
+      if (words.getUint32(4, true) !== turn) return;
       const [first, length, count, signals] = [0, 1, 2, 3].map((nth) => words.getFloat64(8 + 8 * nth, true));
       // Counted in stretches, as those of a session are.
       const base = Math.round(first / length);
@@ -60,7 +60,7 @@ const lensOf = ({ ask, changed, over = false }) => {
         }
         data.set(numbers[at], { least, greatest });
       }
-      for (const place of asked) answered.set(place, number);
+      for (const place of asked) answered.set(place, turn);
       isAsking = false;
       request();
       changed();
