@@ -16,7 +16,6 @@ use shared_types::layout::SignalKind;
 use shared_types::link::{FrameSpec, Link, LinkError};
 use shared_types::lockstep::{Abort, AbortCode, ControllerAction, ControllerEvent, ControllerSide};
 use shared_types::side::Side;
-use shared_types::state::State;
 use shared_types::table::Field;
 use shared_types::text;
 use shared_types::time::Step;
@@ -27,7 +26,7 @@ use crate::job::Job;
 use answering::{Held, Made};
 use converted::Converted;
 use quality::Tracked;
-use saved::SavedController;
+use saved::{SavedController, save};
 use tuning::{Found, Tuning, offered};
 
 /// Result of a poll: progress, or the awaited event.
@@ -295,16 +294,6 @@ impl<'a, L: Link> Runner<'a, L> {
         is_before && limit.is_some_and(|limit| waited_ns < limit.ns())
     }
 
-    /// Returns the state of the law and of its pending commands, between two samples.
-    ///
-    /// # Errors
-    /// If the law cannot save its state, or the run has not begun.
-    pub fn state(&self) -> Result<State, Invalid> {
-        let bound = self.bound.as_ref();
-        let bound = bound.ok_or_else(|| Invalid("the run has not begun".into()))?;
-        State::of(&bound.save()?)
-    }
-
     /// Returns the end of the run; `None` until then.
     #[must_use]
     pub const fn end(&self) -> Option<&End> {
@@ -488,12 +477,6 @@ impl<'a, L: Link> Runner<'a, L> {
             other => other,
         }
     }
-}
-
-/// Saves the state before a sample, while the plant prepares that sample.
-fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
-    let saved = bound.save().map_err(|e| e.to_string())?;
-    saves.write(step, &saved)
 }
 
 mod answering;

@@ -1,4 +1,4 @@
-//! One fault of every kind, as `studies/faults-drhas.toml` tries them, for scenarios that combine them.
+//! Faults of every kind, as `studies/faults-drhas.toml` tries them, for scenarios that combine them.
 
 use hil_config::study::Study;
 use toml::{Table, Value};

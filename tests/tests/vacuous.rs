@@ -111,8 +111,8 @@ fn a_case_of_a_campaign_with_a_vacuous_pass_has_not_passed() {
         let far = requirement(variant, "far");
         assert_eq!(far["holds"]["count"], 0, "{far}");
     }
-    let shown = rig.hil(&["campaign", "show", text(&folder)]).expect(0);
-    shown.prints(&["vacuous"]);
+    let tables = rig.hil(&["campaign", "show", text(&folder)]).expect(0);
+    tables.prints(&["vacuous"]);
 }
 
 #[test]

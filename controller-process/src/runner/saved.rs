@@ -4,15 +4,17 @@
 //! job or is overwritten by every sample before it is read.
 
 use serde::{Deserialize, Serialize};
+use shared_types::checkpoint::Saves;
 use shared_types::describe::Invalid;
 use shared_types::directive::Answered;
+use shared_types::link::Link;
 use shared_types::state::State;
 use shared_types::time::Step;
 
-use super::Bound;
 use super::answering::{Held, Made};
 use super::quality::SavedQuality;
 use super::tuning::SavedTuning;
+use super::{Bound, Runner};
 
 /// State of the controller between two samples.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -29,6 +31,24 @@ pub(super) struct SavedController {
     /// Answered samples, encoded as on the wire.
     answered: u64,
     pub(super) tuning: SavedTuning,
+}
+
+impl<L: Link> Runner<'_, L> {
+    /// Returns the state of the law and of its pending commands, between two samples.
+    ///
+    /// # Errors
+    /// If the law cannot save its state, or the run has not begun.
+    pub fn state(&self) -> Result<State, Invalid> {
+        let bound = self.bound.as_ref();
+        let bound = bound.ok_or_else(|| Invalid("the run has not begun".into()))?;
+        State::of(&bound.save()?)
+    }
+}
+
+/// Saves the state before a sample, while the plant prepares that sample.
+pub(super) fn save(bound: &Bound, saves: &mut Saves, step: Step) -> Result<(), String> {
+    let saved = bound.save().map_err(|e| e.to_string())?;
+    saves.write(step, &saved)
 }
 
 impl Bound {

@@ -92,8 +92,8 @@ kind = \"bode\"
     let text = base_with(SIGNALS, SIGNALS) + own;
     let plan = plan(&text);
     assert_eq!(plan.plots.len(), 7);
-    let shown = crate::descriptions::shown(&plan);
-    let (_, plots) = shown.split_once("title = \"A\"").expect("shown");
+    let effective = crate::descriptions::shown(&plan);
+    let (_, plots) = effective.split_once("title = \"A\"").expect("shown");
     let (_, expected) = own.split_once("title = \"A\"").expect("written");
     assert!(plots.starts_with(expected.trim_end()), "{plots}");
 }

@@ -34,8 +34,8 @@ pub(super) fn compare(desk: &Desk, cases: u64) {
     for round in 0..ROUNDS {
         let folder = desk.planned("of-campaign", &of_campaign, &[]);
         campaign_s.push(time_s(&mut desk.campaign(&["run", &folder])));
-        let shown = desk.campaign(&["show", "--json", &folder]);
-        let fails_of_campaign = failed(shown);
+        let results = desk.campaign(&["show", "--json", &folder]);
+        let fails_of_campaign = failed(results);
 
         let folder = desk.folder.path().join(format!("evaluations{round}"));
         let file = desk.folder.path().join("search.toml");

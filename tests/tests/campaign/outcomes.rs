@@ -119,8 +119,8 @@ fn the_command_of_a_row_repeats_its_run() {
         .expect(1)
         .says(&["case 2 reproduced the campaign's digest"]);
     // The shown scenario is one that hil run takes, with the fault in it.
-    let shown = planned.on("case 2 --show").expect(0);
-    let scenario = rig.write("case.toml", &shown.stdout);
+    let case = planned.on("case 2 --show").expect(0);
+    let scenario = rig.write("case.toml", &case.stdout);
     let alone = rig.run(text(&scenario)).expect(1);
     let row = |number: usize| {
         let table = rig.hil(&[

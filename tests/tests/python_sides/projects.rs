@@ -87,11 +87,11 @@ fn a_campaign_runs_sides_in_python_from_its_own_copies() {
         // The file is the one that was planned.
         rig.write("side.py", "raise SystemExit\n");
         rig.hil(&["campaign", "run", &folder]).expect(0);
-        let shown = rig
+        let results = rig
             .hil(&["campaign", "show", &folder, "--json"])
             .expect(0)
             .json();
-        figures.push(shown["variants"].clone());
+        figures.push(results["variants"].clone());
         rig.write("side.py", &shipped(SPRING_MASS));
     }
     assert!(!figures[0].is_null());

@@ -140,19 +140,19 @@ fn write(text: &mut String, answers: &Answers, folder_text: &str) -> std::fmt::R
 
 fn classes(text: &mut String, answers: &Answers) -> std::fmt::Result {
     let words = answers::classes_in_words(answers.requirements());
-    let shown = answers::shown_classes(&answers.variants);
+    let places = answers::shown_classes(&answers.variants);
     let widths = [6, 6, 8, 9, 4, 7, 12];
     let mut columns = vec![left(0)];
-    columns.extend(shown.iter().map(|place| right(widths[*place])));
+    columns.extend(places.iter().map(|place| right(widths[*place])));
     columns.extend([right(8), left(0)]);
     let mut table = Table::new(2, columns);
     let head = ["variant"]
         .into_iter()
-        .chain(shown.iter().map(|place| words[*place]))
+        .chain(places.iter().map(|place| words[*place]))
         .chain(["passes", "probability"]);
     table.cells(head);
     for variant in &answers.variants {
-        let counts = shown
+        let counts = places
             .iter()
             .map(|place| variant.classes[*place].to_string());
         let share = percent(variant.passes);
@@ -174,8 +174,8 @@ fn faults(text: &mut String, answers: &Answers) -> std::fmt::Result {
     let mut table = Table::new(2, columns);
     table.cells(FAULT_COLUMNS.into_iter().chain(["repeated by"]));
     for row in &answers.faults {
-        let shown = row.shown(answers.requirements());
-        table.cells(shown.into_iter().chain([row.command.clone()]));
+        let cells = row.shown(answers.requirements());
+        table.cells(cells.into_iter().chain([row.command.clone()]));
         if !row.reason.is_empty() {
             table.line(format!("    {}", row.reason));
         }

@@ -126,7 +126,7 @@ pub fn steps(at_s: &[f64], plan: &Plan, first: Step) -> Result<Vec<Step>, Failur
     Ok(steps)
 }
 
-/// What a model must declare to save its state, if the program is a model.
+/// Returns the declaration that a model needs to save its state, if the program is a model.
 fn state_of_model(binary: &Binary) -> Option<&'static str> {
     let imported = binary.description.imported.as_ref()?;
     let host = binary.host.as_ref()?;

@@ -115,17 +115,17 @@ fn kinds(
     if plant.is_none() && law.is_none() {
         return Ok(None);
     }
-    let other = |what: &str, given: &str, key: &str, named: &str| {
-        format!("the {what} `{given}` is given, but {key} is `{named}`")
+    let other = |what: &str, class: &str, key: &str, name: &str| {
+        format!("the {what} `{class}` is given, but {key} is `{name}`")
     };
     let (model, name) = (&plan.plant.model, &plan.controller.law);
     if let Some(plant) = plant.filter(|plant| plant.description.name != *model) {
-        let given = &plant.description.name;
-        return Err(other("plant", given, "plant.model", model));
+        let class = &plant.description.name;
+        return Err(other("plant", class, "plant.model", model));
     }
     if let Some(law) = law.filter(|law| law.description.name != *name) {
-        let given = &law.description.name;
-        return Err(other("law", given, "controller.law", name));
+        let class = &law.description.name;
+        return Err(other("law", class, "controller.law", name));
     }
     let plant = plant.or_else(|| PLANTS.iter().find(|kind| kind.description.name == *model));
     let suits = |kind: &&LawKind| {

@@ -83,17 +83,17 @@ pub(super) fn goals(campaign: &Campaign) -> Markup {
 pub(super) fn classes(campaign: &Campaign) -> Markup {
     let answers = campaign.answers;
     let words = classes_in_words(answers.requirements());
-    let shown = shown_classes(&answers.variants);
+    let places = shown_classes(&answers.variants);
     html! {
         div.scroll tabindex="0" { table #classes {
             thead { tr {
                 th { "variant" }
-                @for place in &shown { th.n { (words[*place]) } }
+                @for place in &places { th.n { (words[*place]) } }
                 th.n { "passes" } th.n { "probability" }
             } }
             tbody { @for variant in &answers.variants { tr {
                 th scope="row" { (variant.name) }
-                @for place in &shown { td.n { (variant.classes[*place]) } }
+                @for place in &places { td.n { (variant.classes[*place]) } }
                 td.n { (percent(campaign, variant.passes)) }
                 td.n { (bounds(variant.passes)) }
             } } }

@@ -1,8 +1,8 @@
 //! Interpreter of Python files that are plants or controllers.
 //!
-//! It is that of the installed wheel, which passes itself in [`VARIABLE`], else `python3` of PATH. The package `hil` is
-//! the one that this program belongs to, in a wheel or in a clone, so that both are of one version; without one the
-//! interpreter must have it.
+//! The installed wheel passes its own interpreter in [`VARIABLE`]; without it, `python3` of PATH is used. The package
+//! `hil` is the one that this program belongs to, in a wheel or in a clone, so that both are of one version; without one
+//! the interpreter must have it.
 
 use std::env::{current_exe, split_paths, var_os};
 use std::ffi::OsString;
