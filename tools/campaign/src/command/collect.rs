@@ -157,7 +157,7 @@ fn write_faults(folder: &Folder, rows: &[OutcomeRow]) -> Result<(), TableError> 
         table.row(row)?;
     }
     let parquet = table.finish(&[("campaign", folder.id().to_owned())])?;
-    let csv = outcomes::csv(&columns, &rows).into_bytes();
+    let csv = outcomes::csv(&columns, &rows)?;
     for (name, bytes) in [FAULTS, FAULTS_CSV].into_iter().zip([parquet, csv]) {
         let path = folder.path().join(name);
         let part = PartFile::beside(&path)?;

@@ -1,5 +1,7 @@
 //! The table of faults by outcomes: a row for each fault of a study in each variant, and one for what it never tries.
 
+use std::io;
+
 use serde::Serialize;
 use shared_types::number::{short, short_in};
 
@@ -258,24 +260,24 @@ pub(in crate::command) fn exported(rows: &[OutcomeRow]) -> (Vec<Column>, Vec<Row
 }
 
 /// Formats a table as CSV (RFC 4180); a NaN is an empty cell.
-pub(in crate::command) fn csv(columns: &[Column], rows: &[Row]) -> String {
-    let quoted = |text: &str| match text.contains(['"', ',', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
-    };
-    let cell = |cell: &Cell| match cell {
+///
+/// # Errors
+/// If a row has another number of cells than columns.
+pub(in crate::command) fn csv(columns: &[Column], rows: &[Row]) -> io::Result<Vec<u8>> {
+    let text = |cell: &Cell| match cell {
         Cell::Count(count) => count.to_string(),
         Cell::Number(value) if value.is_nan() => String::new(),
         Cell::Number(value) => value.to_string(),
-        Cell::Text(text) => quoted(text),
+        Cell::Text(text) => text.clone(),
     };
-    let names: Vec<&str> = columns.iter().map(|column| &*column.name).collect();
-    let mut text = names.join(",") + "\r\n";
+    let mut writer = csv::WriterBuilder::new()
+        .terminator(csv::Terminator::CRLF)
+        .from_writer(Vec::new());
+    writer.write_record(columns.iter().map(|column| &column.name))?;
     for row in rows {
-        let cells: Vec<String> = row.iter().map(cell).collect();
-        text += &(cells.join(",") + "\r\n");
+        writer.write_record(row.iter().map(text))?;
     }
-    text
+    writer.into_inner().map_err(csv::IntoInnerError::into_error)
 }
 
 /// Returns the name, unit and margin of the requirement that fared worst: the least margin among the worst verdicts.
@@ -337,8 +339,11 @@ mod tests {
             Cell::number(f64::NAN),
             Cell::number(0.5),
         ];
-        let text = csv(&columns[..4], &[row]);
-        assert_eq!(text, "case,kind,target,size\r\n3,\"a, \"\"b\"\"\",,0.5\r\n");
+        let text = csv(&columns[..4], &[row]).expect("a table");
+        assert_eq!(
+            text,
+            b"case,kind,target,size\r\n3,\"a, \"\"b\"\"\",,0.5\r\n"
+        );
     }
 
     #[test]
