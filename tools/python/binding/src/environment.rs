@@ -39,12 +39,11 @@ pub(crate) fn play(
 }
 
 /// Returns the robustness so far within bounds on the final one: the bound that the steps so far have set, above for
-/// `always` and below for `eventually`; 0 before there is one.
+/// `always` and below for `eventually`; 0 before there is one. Infinite where a missing value decides.
 fn so_far(bounds: &[f64; 2]) -> f64 {
-    let [least, most] = *bounds;
-    match (most.is_finite(), least.is_finite()) {
-        (true, _) => most,
-        (false, true) => least,
-        (false, false) => 0.0,
+    match *bounds {
+        [f64::NEG_INFINITY, f64::INFINITY] => 0.0,
+        [least, f64::INFINITY] => least,
+        [_, most] => most,
     }
 }
