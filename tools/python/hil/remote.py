@@ -51,6 +51,10 @@ HOLD_LIMIT_S = 1.0
 #: Steps are requested in parts of about this duration, between which Python takes its signals.
 PART_S = 0.1
 LOOK_S = 0.005
+#: An interrupted run must end within this time, which is beyond the limits of `hil` itself; else it is killed.
+END_LIMIT_S = 60.0
+#: Files in the folder with what `hil` prints; a pipe that is full would stop it.
+OUTPUT, MESSAGES = "output", "messages"
 PR_SET_PDEATHSIG = 1
 
 
@@ -65,16 +69,17 @@ class RemoteSession:
         command += [f"--set={flag}" for flag in flags]
         try:
             # Ctrl-C at the terminal is for Python alone, which ends the run when it ends.
-            self._process = subprocess.Popen(
-                [*command, "--", path],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.PIPE,
-                env=environment(),
-                start_new_session=True,
-                pass_fds=(lock,),  # in use until they have ended, too
-                preexec_fn=_dying_with(os.getpid()),
-            )
+            with open(self._file(OUTPUT), "xb") as output, open(self._file(MESSAGES), "xb") as messages:
+                self._process = subprocess.Popen(
+                    [*command, "--", path],
+                    stdin=subprocess.DEVNULL,
+                    stdout=output,
+                    stderr=messages,
+                    env=environment(),
+                    start_new_session=True,
+                    pass_fds=(lock,),  # in use until they have ended, too
+                    preexec_fn=_dying_with(os.getpid()),
+                )
         except OSError as error:
             folders.remove(self._folder, lock)
             raise cannot_start(command[0], error) from error
@@ -138,17 +143,22 @@ class RemoteSession:
     def _conclude(self) -> None:
         """Reads the results of the run, whose process has ended. Raises its failure, which also has results."""
         if self._run is None and self._failure is None:
-            stdout, stderr = self._process.communicate()
-            facts = parsed(stdout.decode(errors="replace"))
+            facts = parsed(self._printed(OUTPUT))
             is_summary = isinstance(facts, dict) and "session" in facts
             self._run = Run(Path(self._folder) / "run") if is_summary else None
             code = self._process.returncode
             if self._run is None or code not in (0, 1):
                 problems = facts.get("problems", []) if isinstance(facts, dict) else []
-                text = self._lasting(stderr.decode(errors="replace"))
+                text = self._lasting(self._printed(MESSAGES))
                 self._failure = of_exit_code(code)(self._command, code, text, problems, self._run)
         if self._failure is not None:
             raise self._failure
+
+    def _file(self, name: str) -> str:
+        return os.path.join(self._folder, name)
+
+    def _printed(self, name: str) -> str:
+        return Path(self._file(name)).read_text(errors="replace")
 
     def _lasting(self, text: str) -> str:
         """Returns a text of `hil` without what is of no use later: the folder of the run, and how to resume it."""
@@ -211,10 +221,8 @@ class RemoteSession:
                 return
         except CommandError:
             pass  # what was asked for is the interruption
-        if self._process.poll() is None:
-            self._process.send_signal(signal.SIGINT)
+        _interrupt(self._process)
         try:
-            self._process.wait()
             self._conclude()
         except CommandError:
             pass
@@ -405,10 +413,19 @@ def _dying_with(parent: int) -> Any:
 
 
 def _end(process: subprocess.Popen[bytes], folder: str, lock: int, owner: int) -> None:
-    """Ends the run, which cleans up after itself, and removes its folder."""
+    """Ends the run and removes its folder."""
     if os.getpid() != owner:
         return
+    _interrupt(process)
+    folders.remove(folder, lock)
+
+
+def _interrupt(process: subprocess.Popen[bytes]) -> None:
+    """Ends the run, which cleans up after itself, and kills it if it does not."""
     if process.poll() is None:
         process.send_signal(signal.SIGINT)
-    process.communicate()
-    folders.remove(folder, lock)
+    try:
+        process.wait(END_LIMIT_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
