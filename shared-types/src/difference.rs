@@ -8,7 +8,7 @@
 //! 3. Each output takes the step with its smallest error.
 //!
 //! At a kink the differences to the left and to the right stay apart however small the step is; at a root they grow
-//! without limit; at a [jump] the output itself stays apart. All are refused.
+//! without limit; at a jump the output itself stays apart. All are refused.
 
 use crate::extremes::larger;
 

@@ -19,31 +19,12 @@ from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from . import folders
 from .errors import CommandError, InfrastructureError, SessionError, of_exit_code
+from .native import native
 from .programs import cannot_start, environment, find, parsed, succeed
 from .result import Run
 
 #: Socket in the folder of a session.
 SOCKET = "control"
-#: Groups of signals in a record, in order.
-GROUPS = (
-    "truth",
-    "measured",
-    "reference",
-    "command",
-    "applied",
-    "internal",
-    "input",
-    "sensed",
-    "stimulus",
-    "parameter",
-    "sensor",
-    "actuator",
-    "cut",
-)
-#: Groups that are listed under another name in a layout.
-LISTED = {"applied": "command", "sensed": "measured", "stimulus": "reference"}
-#: Signals of one word of validity bits, and the most such words.
-BITS, MOST_WORDS = 64, 8
 #: A request must be answered within this time; `hil` itself waits shorter.
 ANSWER_LIMIT_S = 20.0
 #: After Ctrl-C the present step must end within this time, or the run is ended.
@@ -264,15 +245,13 @@ class RemoteSession:
     def _values(self) -> Mapping[str, float]:
         if self.is_over:
             raise SessionError("the run is over; its values are in the recording of a run of scenario()")
+        return {name: value for name, _, value in self._record() or ()}
+
+    def _record(self) -> Optional[List[Tuple[str, str, float]]]:
+        """Returns name, unit and value of each signal of the newest step; `None` before the first."""
         answer = self._ask({"request": "record"})
-        if answer["response"] == "refused":
-            return {}
-        layout, words = answer["layout"], answer["words"]
-        names = [f"{group}.{field['name']}" for group in GROUPS for field in layout.get(LISTED.get(group, group), [])]
-        sample = len(layout["measured"]) + len(layout["reference"])
-        first = 1 + _validity_words(sample) + _validity_words(layout["command_signals"])
-        data = struct.pack(f"={len(names)}Q", *words[first : first + len(names)])
-        return dict(zip(names, struct.unpack(f"={len(names)}d", data)))
+        signals: Optional[List[Tuple[str, str, float]]] = native().record_signals(json.dumps(answer))
+        return signals
 
     def observe(self, names: List[str]) -> Any:
         self._check()
@@ -316,11 +295,9 @@ class RemoteSession:
             "command": plant["commands"],
             "applied": plant["commands"],
         }
-        if not self.is_over:
-            answer = self._ask({"request": "record"})
-            if answer["response"] != "refused":
-                layout = answer["layout"]
-                groups = {group: layout.get(LISTED.get(group, group), []) for group in GROUPS}
+        record = None if self.is_over else self._record()
+        if record is not None:
+            return [(name, unit) for name, unit, _ in record], []
         pairs = [(f"{group}.{field['name']}", field["unit"]) for group, fields in groups.items() for field in fields]
         return pairs, []
 
@@ -392,10 +369,6 @@ def _step_at_or_after(time_s: float, rate_hz: float) -> int:
     while step / rate_hz < time_s:
         step += 1
     return step
-
-
-def _validity_words(signals: int) -> int:
-    return min(max(-(-signals // BITS), 1), MOST_WORDS)
 
 
 def _dying_with(parent: int) -> Any:

@@ -348,11 +348,7 @@ impl SteppedRun {
 
     /// Lists the signals of a record by full name and unit, in order.
     pub fn signals(&self) -> impl Iterator<Item = (String, &str)> {
-        let groups = GROUPS.into_iter().zip(self.layout.groups());
-        groups.flat_map(|(group, fields)| {
-            let full = move |field: &Field| format!("{group}.{}", field.name);
-            fields.iter().map(move |field| (full(field), &*field.unit))
-        })
+        signals(&self.layout)
     }
 
     /// Returns the place of a signal, recorded or derived; `None` if there is none of this name.
@@ -415,6 +411,15 @@ impl SteppedRun {
     pub fn recorded(&self) -> Recorded {
         self.recorder.0.borrow().collector.recorded.clone()
     }
+}
+
+/// Lists the signals of a layout by full name and unit, in the order of their words.
+pub fn signals(layout: &RecordLayout) -> impl Iterator<Item = (String, &str)> {
+    let groups = GROUPS.into_iter().zip(layout.groups());
+    groups.flat_map(|(group, fields)| {
+        let full = move |field: &Field| format!("{group}.{}", field.name);
+        fields.iter().map(move |field| (full(field), &*field.unit))
+    })
 }
 
 /// Creates both sides of a run, which are held before their first step.

@@ -1,16 +1,16 @@
 //! Native part of the Python package `hil`, loaded as `hil._native`.
 //!
-//! 1. [`scenario`] reads and checks a scenario as the command line does.
-//! 2. [`session`] holds its run in this process and executes it step by step; [`observer`] copies values of the newest
-//!    step into memory of Python, and [`saved`] is the state before a step.
-//! 3. [`request`] turns the words of `hil inject` into the request of a session.
-//! 4. [`side`] makes plants and laws of Python classes, and is the process of such a side; [`class`](mod@class) keeps
+//! 1. `scenario` reads and checks a scenario as the command line does.
+//! 2. `session` holds its run in this process and executes it step by step; `observer` copies values of the newest
+//!    step into memory of Python, and `saved` is the state before a step.
+//! 3. `request` turns the words of `hil inject` into the request of a session, and reads the answer with a record.
+//! 4. `side` makes plants and laws of Python classes, and is the process of such a side; `class` keeps
 //!    those of sessions.
-//! 5. [`evaluation`] runs a scenario at many points, on all cores.
-//! 6. [`agent`] chooses the commands of a session in place of a law, and [`environment`] executes the steps between its
+//! 5. `evaluation` runs a scenario at many points, on all cores.
+//! 6. `agent` chooses the commands of a session in place of a law, and `environment` executes the steps between its
 //!    choices.
 //!
-//! [`bound`] keeps what is not made for several threads in the thread that made it, and [`failure`] turns the failures
+//! `bound` keeps what is not made for several threads in the thread that made it, and `failure` turns the failures
 //! of `hil` into the exceptions of `hil.errors`. A session installs no signal handler, and starts neither thread nor
 //! process.
 
@@ -43,7 +43,7 @@ mod _native {
     #[pymodule_export]
     use crate::observer::Observer;
     #[pymodule_export]
-    use crate::request::fault_request;
+    use crate::request::{fault_request, record_signals};
     #[pymodule_export]
     use crate::saved::Saved;
     #[pymodule_export]

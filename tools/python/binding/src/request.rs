@@ -1,4 +1,5 @@
-//! Words of `hil inject` as a request to a session, with the same checks and the same refusals.
+//! Requests to a session and its answers: the words of `hil inject`, with the same checks and the same refusals, and the
+//! values of a record.
 
 use std::ffi::OsString;
 
@@ -7,8 +8,9 @@ use hil_console::terminal::exit::Failure;
 use hil_facts::arguments::inject::{InjectCommand, InjectLine, arrange};
 use hil_facts::session::inject;
 use hil_facts::session::live::refused_text;
+use hil_run::stepped::signals;
 use pyo3::prelude::*;
-use shared_types::live::{Possible, Request};
+use shared_types::live::{Possible, Request, Response};
 
 use crate::failure::raised;
 
@@ -29,4 +31,20 @@ fn request(words: Vec<String>, possible: &str) -> Result<String, Failure> {
     let toml = inject::toml(&arguments, &possible);
     let toml = toml.map_err(|problems| Failure::Usage(refused_text(&problems)))?;
     serde_json::to_string(&Request::Inject { toml }).map_err(Failure::infrastructure)
+}
+
+/// Name, unit and value of a signal.
+type Signal = (String, String, f64);
+
+/// Returns the signals of the answer to a request for the newest record; `None` if it was refused.
+#[pyfunction]
+pub(crate) fn record_signals(answer: &str) -> PyResult<Option<Vec<Signal>>> {
+    let answer = serde_json::from_str(answer).map_err(Failure::infrastructure);
+    let Response::Record { layout, words } = answer.map_err(|failure| raised(&failure))? else {
+        return Ok(None);
+    };
+    let values = words.iter().skip(layout.values_start());
+    let both = signals(&layout).zip(values);
+    let rows = both.map(|((name, unit), bits)| (name, unit.to_owned(), f64::from_bits(*bits)));
+    Ok(Some(rows.collect()))
 }

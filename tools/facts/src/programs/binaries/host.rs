@@ -1,5 +1,5 @@
 //! Models that need a host program, which runs them in a process of its own: `hil-fmu` for FMUs and `hil-port` for port
-//! files, both installed next to `hil`, and the [interpreter](python) for Python files.
+//! files, both installed next to `hil`, and the interpreter for Python files.
 //!
 //! The model is named, must be trusted and must remain unchanged; the host is recorded with its own hash. Only the host
 //! reads FMUs and Python files, and opens ports.
