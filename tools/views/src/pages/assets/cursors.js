@@ -98,9 +98,8 @@ const plain = (figure, digits) => (Array.isArray(figure) ? figure.map((end) => p
 // The table of the values at the cursors and of what is between them, with its copies. A row has `name` and `unit` of a
 // signal, its `title` in the table, values `at` the first and at the last cursor, `mean`, `rms`, `least`, `greatest`, the
 // `count` of values and a reason `why` no requirement can be copied of it. `scenario` gives the title of a copy, `more`
-// further columns, `span` the first and the last step between the cursors, `digits` how many of a number are copied;
-// `tell` tells the reader.
-const drawerOf = ({ cursors, period, tell, scenario, more = () => [], span = () => cursors.ends(), digits = 17 }) => {
+// further columns, `span` the first and the last step between the cursors, `digits` how many of a number are copied.
+const drawerOf = ({ cursors, period, scenario, more = () => [], span = () => cursors.ends(), digits = 17 }) => {
   const ids = ["cursor-a", "cursor-b"];
   let rows = [];
   const showStep = (place) => {
@@ -154,7 +153,7 @@ const drawerOf = ({ cursors, period, tell, scenario, more = () => [], span = () 
     write(byId("basis"), basis);
   };
   ids.forEach((id, place) => byId(id).addEventListener("change", () => {
-    const time = typedTime(id, tell);
+    const time = typedTime(id);
     if (time === null || time >= 0) cursors.at(place, time);
     else byId(id).value = cursors.steps[place] === null ? "" : seconds(cursors.steps[place] * period());
   }));

@@ -12,6 +12,21 @@ const write = (element, text) => {
   if (element.textContent !== text) element.textContent = text;
 };
 
+// What is told is seen for a while, and heard by a screen reader.
+const tell = (text) => {
+  byId("status").textContent = text;
+};
+const watchStatus = () => {
+  const box = byId("status");
+  let later = 0;
+  box.className = "toast";
+  new MutationObserver(() => {
+    box.toggleAttribute("data-shown", box.textContent !== "");
+    clearTimeout(later);
+    later = setTimeout(() => box.removeAttribute("data-shown"), 4000);
+  }).observe(box, { childList: true, characterData: true, subtree: true });
+};
+
 // ---- Curves ----
 
 // Place of a value from below, before an axis of its kind scales it.
@@ -67,12 +82,23 @@ const reachOf = ({ least, greatest }, { from, to, slot, isLog = false }, [min, m
   }
   return [min, max];
 };
-// Values of a stretch in words, in the unit of its plot.
-const reachShown = (low, high, spec) => {
-  if (isNothing(low)) return "";
-  const [from, to] = [shownIn(low, spec), shownIn(high, spec)];
-  const unit = from.indexOf(" ");
-  return from === to ? from : `${spec.unit === "ns" || unit < 0 ? from : from.slice(0, unit)} to ${to}`;
+// Series of uPlot for curves, whose `path` gets the plot, the curve, its place and the ends of what is in sight. The first
+// are wider, so that those of one course are seen beneath each other.
+const seriesOf = (curves, ink, path) => [{}, ...curves.map((one, place) => ({
+  show: one.isShown, stroke: () => ink().series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (curves.length - 1 - place)), dash: one.dash, points: { show: false },
+  paths: (u, _, from, to) => ({ stroke: path(u, one, place, from, to), fill: null, clip: null, band: null, gaps: null, flags: 0 }),
+}))];
+// The name of a curve below its plot, with its line and a place for its value; a press hides or shows the curve.
+const legendButton = (one, width, content, toggled) => {
+  one.shownValue = make("span", "", { class: "value" });
+  const button = make("button", lineOf(width, one.dash, one.colour % 8), { type: "button", "aria-pressed": String(one.isShown) });
+  button.append(...content, " ", one.shownValue);
+  button.addEventListener("click", () => {
+    one.isShown = !one.isShown;
+    button.setAttribute("aria-pressed", String(one.isShown));
+    toggled(one.isShown);
+  });
+  return button;
 };
 
 // ---- Levels ----

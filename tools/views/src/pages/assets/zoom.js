@@ -110,8 +110,8 @@ const hearPointer = (u, axis, shown, click, back) => {
 
 // ---- The range in numbers ----
 
-// The time in a field: `null` of an empty one, NaN of a text that is no number, of which the page tells.
-const typedTime = (id, tell) => {
+// The time in a field: `null` of an empty one, NaN of a text that is no number, of which it tells.
+const typedTime = (id) => {
   const text = byId(id).value.trim();
   const time = text === "" ? null : Number(text);
   if (time === null || Number.isFinite(time)) return time;
@@ -119,7 +119,7 @@ const typedTime = (id, tell) => {
   return NaN;
 };
 // The two fields of the part in sight and the button that shows all of it. Gives what writes the part into them.
-const rangeFields = (axis, shown, tell) => {
+const rangeFields = (axis, shown) => {
   const ids = ["from", "to"];
   const showRange = () => shown().forEach((time, place) => {
     if (document.activeElement !== byId(ids[place])) byId(ids[place]).value = seconds(time);
@@ -129,7 +129,7 @@ const rangeFields = (axis, shown, tell) => {
       // The other end is the one in sight, with all its digits.
       const part = [...shown()];
       const before = seconds(part[place]);
-      const time = typedTime(id, tell);
+      const time = typedTime(id);
       const [begin, end] = axis.whole();
       part[place] = Math.min(Math.max(time, begin), end);
       if (time === null || !(part[1] - part[0] >= axis.least() * (1 - 1e-9))) {

@@ -3,8 +3,7 @@
 
 // ---- The range ----
 
-const tell = (text) => write(byId("status"), text);
-const showSpan = rangeFields(axis, span, tell);
+const showSpan = rangeFields(axis, span);
 const showRange = () => {
   const [from, to] = span();
   byId("range").hidden = !closer;
@@ -73,7 +72,7 @@ const columnsOfOther = (names, at) => {
   if (names.length === 1) return [[`other at ${name}`, (row) => at(other(row), name)], ["difference", (row) => less(at(row, name), at(other(row), name))]];
   return names.map((name) => [`${name} less other`, (row) => less(at(row, name), at(other(row), name))]);
 };
-const drawer = drawerOf({ cursors, period, tell, scenario: () => about.scenario, more: columnsOfOther });
+const drawer = drawerOf({ cursors, period, scenario: () => about.scenario, more: columnsOfOther });
 // The reason why no requirement can be copied of a signal, or "".
 const whyNoRequirement = (name, one) => {
   if (whyUnnamed(name)) return whyUnnamed(name);

@@ -194,10 +194,7 @@ class Plot {
         { ...axisOf(() => ink, 30, font), ...timeLabels },
         { ...axisOf(() => ink, valueAxis, font), ...labelsOf({ ...spec, log: this.isLog }, 6) },
       ],
-      series: [{}, ...this.series.map((one, place) => ({
-        show: one.isShown, stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
-        paths: (u) => this.path(u, one),
-      }))],
+      series: seriesOf(this.series, () => ink, (u, { signal }) => this.course(u, this.part, signal, this.from, this.to)),
       hooks: { drawClear: [(u) => drawEvents(u, inSight, ink), (u) => this.ghost(u)], draw: [(u) => drawLevels(u, this.spec, this.isLog, ink), (u) => this.names(u), (u) => cursors.draw(u, ink)], setCursor: [() => this.read()] },
     }, [[], ...this.series.map(() => [])], this.box);
     hearPointer(this.plot, axis, span, (time) => cursors.place(time), () => cursors.back());
@@ -256,11 +253,6 @@ class Plot {
     if (!holds) this.range = [min - room, max + room];
   }
 
-  // Through the least and the greatest value of each stretch, the nearer one first.
-  path(u, { signal }) {
-    return { stroke: this.course(u, this.part, signal, this.from, this.to), fill: null, clip: null, band: null, gaps: null, flags: 0 };
-  }
-
   course(u, part, signal, from, to) {
     const numbers = part.of(signal);
     if (!numbers) return new Path2D();
@@ -316,19 +308,15 @@ class Plot {
 
   legend() {
     for (const [index, one] of this.series.entries()) {
-      const button = make("button", undefined, { type: "button", "aria-pressed": String(one.isShown), title: one.signal.name });
-      one.shownValue = make("span", "", { class: "value" });
-      button.append(lineOf(20, one.dash, one.colour), parted(one.label), " ", one.shownValue);
-      button.addEventListener("click", () => {
-        one.isShown = !one.isShown;
+      const button = legendButton(one, 20, [parted(one.label)], (isShown) => {
         const name = this.spec.title + " " + one.signal.name;
-        if (one.isShown) hidden.delete(name);
+        if (isShown) hidden.delete(name);
         else hidden.add(name);
         retainChoices();
-        button.setAttribute("aria-pressed", String(one.isShown));
-        if (this.plot) this.plot.setSeries(index + 1, { show: one.isShown });
+        if (this.plot) this.plot.setSeries(index + 1, { show: isShown });
         drawSoon();
       });
+      button.title = one.signal.name;
       this.legendBox.append(button);
     }
   }

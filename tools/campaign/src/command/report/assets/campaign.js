@@ -491,7 +491,7 @@
     const largest = perVariant.reduce((most, curves) => curves.reduce((most, value) => (Number.isFinite(value) ? Math.max(most, Math.abs(value)) : most), most), 0);
     const display = shownUnit(unit, largest);
     const label = envelopes.words[place] + unitOf(display.unit);
-    return { label, name, power: display.power, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
+    return { label, name, power: display.power, spec: { unit, shown: display }, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
   });
   // A range that a few far values do not stretch.
   const scaleOf = (curves, bins) => {
@@ -547,6 +547,14 @@
     context.restore();
     plot.line.textContent = worst ? `, line: case ${worst.case}` : "";
   };
+  // What a plot shows under the pointer.
+  const readTimed = (plot, x) => {
+    const { bins, bin_s } = data.envelopes;
+    const bin = Math.min(Math.max(Math.floor(((x - plot.left) / plot.inner) * bins), 0), bins - 1);
+    const between = (low, high) => reachShown(plot.curves[low * bins + bin], plot.curves[high * bins + bin], plot.spec);
+    const all = between(0, CURVES - 1);
+    return all ? `near ${seconds((bin + 0.5) * bin_s)} s all ${all}, median ${between(3, 4)}` : "";
+  };
   const addTimed = (envelopes) => {
     const names = [...new Set(envelopes.worst.map((one) => one.requirement))];
     for (const name of ["", ...names]) make("option", name || "nothing", byId("worst"), { value: name });
@@ -561,15 +569,18 @@
     // Variants of a signal stand beside each other.
     const all = byId("timed");
     const below = variants > 1 ? null : make("div", undefined, all, { className: "plots" });
-    for (const { label, name, power, perVariant, worst, all: shared, each } of timed(envelopes)) {
+    for (const { label, name, power, spec, perVariant, worst, all: shared, each } of timed(envelopes)) {
       if (!below) make("code", name, make("h4", label + " ", all), { className: "name" });
       const beside = below || make("div", undefined, all, { className: "plots" });
       perVariant.forEach((curves, variant) => {
         const plot = addPlot(beside, below ? label : data.variants[variant], 170, x, shared, drawTimed, false);
         plot.canvas.ariaLabel = `${label} over time in s: ${data.variants[variant]}`;
         const line = make("span", "", plot.figure.firstChild);
+        const reading = make("div", "", plot.figure, { className: "legend" });
+        plot.canvas.addEventListener("pointermove", ({ offsetX }) => { reading.textContent = readTimed(plot, offsetX); });
+        plot.canvas.addEventListener("pointerleave", () => { reading.textContent = ""; });
         if (below) make("code", name, plot.figure.firstChild, { className: "name" }).before(" ");
-        Object.assign(plot, { curves, power, worst, line, variant, scales: [shared, each[variant]] });
+        Object.assign(plot, { curves, power, spec, worst, line, variant, scales: [shared, each[variant]] });
       });
     }
   };
