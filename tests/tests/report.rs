@@ -7,6 +7,7 @@
 pub(crate) mod accessible;
 mod axes;
 pub(crate) mod browser;
+mod closer;
 mod figures;
 mod first_screen;
 mod numbers;

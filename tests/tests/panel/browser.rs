@@ -18,7 +18,7 @@ use crate::support::python::python;
 const DROPOUT: &str = "dropout measured.position_m --duration 0.05";
 
 /// Browser script in progress.
-pub(super) struct Play {
+pub(crate) struct Play {
     process: Companion,
     stdout: BufReader<ChildStdout>,
 }
@@ -34,7 +34,8 @@ impl Play {
         Self::of("panel_closer.py", name, url)
     }
 
-    fn of(file: &str, name: &str, url: &str) -> Option<Self> {
+    /// Plays a script of `tests/hosts` on a page.
+    pub(crate) fn of(file: &str, name: &str, url: &str) -> Option<Self> {
         let Some((python, chromium)) = python("playwright.sync_api").zip(chromium()) else {
             skip(
                 "python3 with playwright, or chromium, is missing",
@@ -63,7 +64,7 @@ impl Play {
     }
 
     /// Waits for the end of the script, in which the browser reported no error; returns its result.
-    pub(super) fn result(mut self) -> Value {
+    pub(crate) fn result(mut self) -> Value {
         let mut text = String::new();
         self.stdout.read_to_string(&mut text).expect("text");
         let status = self.process.wait().expect("our child");

@@ -17,8 +17,25 @@ const CHECK: &str = "<script>addEventListener('load', () => {
   const check = async () => {
     if (!isDrawn()) return setTimeout(check, 50);
     for (const one of document.querySelectorAll('details')) one.open = true;
-    const { violations } = await axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] });
-    const broken = violations.flatMap((rule) => rule.nodes.map((node) => rule.id + ' ' + node.target + ': ' + node.failureSummary));
+    const broken = [];
+    const look = async () => {
+      const { violations } = await axe.run(document, { runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] });
+      broken.push(...violations.flatMap((rule) => rule.nodes.map((node) => rule.id + ' ' + node.target + ': ' + node.failureSummary)));
+    };
+    await look();
+    // With cursors and their figures, then with the list of everything over them.
+    const press = (key, options) => document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true, ...options }));
+    if (document.getElementById('measure')) {
+      document.querySelector('figure.plot').focus();
+      for (const key of 'ab>') press(key);
+      const rows = document.querySelectorAll('#figures tr').length;
+      if (!rows) broken.push('no figures at the cursors');
+      await look();
+      press('k', { ctrlKey: true });
+      if (!document.querySelector('#found li')) broken.push('nothing in the list');
+      await look();
+      document.getElementById('palette').close();
+    }
     const box = document.createElement('pre');
     box.id = 'told';
     box.textContent = JSON.stringify({ broken, overflow: document.documentElement.scrollWidth - innerWidth }).replace(/[&<>]/g, '');

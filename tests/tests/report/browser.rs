@@ -49,7 +49,7 @@ const LOOK: &str = "<script>(() => {
     });
     const scrolls = [...document.querySelectorAll('.scroll')].map((box) => [box.scrollWidth > box.clientWidth + 1, box.hasAttribute('data-scrolls')]);
     const said = { wrong, figures, scrolls, theme: document.documentElement.dataset.theme, overflow: document.documentElement.scrollWidth - innerWidth };
-    for (const key of '+++') document.querySelector('figure.plot').dispatchEvent(new KeyboardEvent('keydown', { key }));
+    for (const key of '+++') document.querySelector('figure.plot').dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true }));
     setTimeout(() => {
       said.zoomed = [...document.querySelectorAll('figure.plot canvas')].flatMap((canvas) => canvas.texts || []);
       const box = document.createElement('pre'); box.id = 'told'; box.textContent = btoa(unescape(encodeURIComponent(JSON.stringify(said)))); document.body.append(box);

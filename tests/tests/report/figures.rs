@@ -234,6 +234,57 @@ fn limits_are_named_once_and_several_runs_are_told_apart_without_colour() {
 }
 
 #[test]
+fn a_shared_limit_is_named_once_and_no_name_is_cut_in_a_narrow_figure() {
+    let rig = Rig::new();
+    let requirements = ["stays_within_its_reach", "keeps_off_the_end_stops", "near"].map(|name| {
+        format!("\n[[requirements]]\nname = \"{name}\"\nformula = \"always(abs(truth.position_m) < 0.012)\"\n")
+    });
+    let scenario = shipped("scenarios/spring-mass.toml") + &requirements.concat();
+    let scenario = rig.write("shared.toml", &scenario);
+    let run = rig.run(scenario.to_str().expect("text")).expect(0);
+    let limit = "±12 mm: stays_within_its_reach, keeps_off_the_end_stops, near";
+    drawn(&rig, &[&run], "wide", &["--width", "160mm"]).expect(0);
+    let words = texts(&text(&rig.path("wide/position-wanted-and-true.svg")));
+    let named: Vec<&String> = words.iter().filter(|one| one.contains("±12 mm")).collect();
+    assert_eq!(named, [limit]);
+    drawn(&rig, &[&run], "narrow", &["--width", "40mm"]).expect(0);
+    let words = texts(&text(&rig.path("narrow/position-wanted-and-true.svg")));
+    assert!(words.iter().all(|one| !one.contains('…')), "{words:?}");
+    let all = words.concat().replace(' ', "");
+    assert!(all.contains(&limit.replace(' ', "")), "{words:?}");
+}
+
+#[test]
+fn files_of_different_plots_differ_in_more_than_capitals() {
+    let rig = Rig::new();
+    let plot = |title: &str, name: &str| {
+        format!("\n[[plots]]\ntitle = \"{title}\"\n{name}signals = [\"truth.position_m\"]\n")
+    };
+    let plots = [
+        plot("first", "name = \"A\"\n"),
+        plot("second", "name = \"a\"\n"),
+        plot("Ω", ""),
+        plot("ω", ""),
+        plot("力", ""),
+    ];
+    let scenario = shipped("scenarios/spring-mass.toml") + &plots.concat();
+    let scenario = rig.write("names.toml", &scenario);
+    let run = rig.run(scenario.to_str().expect("text")).expect(0);
+    drawn(&rig, &[&run], "figures", &[]).expect(0);
+    let mut names: Vec<String> = files(&rig.path("figures")).into_keys().collect();
+    for name in ["A", "a-2", "omega", "omega-2", "u529b"] {
+        assert!(names.contains(&format!("{name}.pdf")), "{name}: {names:?}");
+    }
+    names
+        .iter_mut()
+        .for_each(|name| name.make_ascii_lowercase());
+    let count = names.len();
+    names.sort_unstable();
+    names.dedup();
+    assert_eq!(names.len(), count);
+}
+
+#[test]
 fn what_cannot_be_drawn_or_written_is_refused_with_its_reason() {
     let rig = Rig::new();
     let run = rig.run("scenarios/spring-mass.toml").expect(0);

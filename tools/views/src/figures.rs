@@ -310,7 +310,8 @@ fn names(sources: &[Source]) -> BTreeMap<(String, &'static str), String> {
             continue;
         }
         let own = plot.name.clone().unwrap_or_else(|| name_of(&plot.title));
-        let is_free = |name: &String| !names.values().any(|other| other == name);
+        // Some file systems do not tell capitals from small letters.
+        let is_free = |name: &String| !names.values().any(|other| other.eq_ignore_ascii_case(name));
         let numbered = (2..).map(|number| format!("{own}-{number}"));
         let mut candidates = std::iter::once(own.clone()).chain(numbered);
         if let Some(name) = candidates.find(is_free) {

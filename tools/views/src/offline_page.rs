@@ -12,7 +12,7 @@ const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'; script-src 
 const STYLE: &str = include_str!("report/assets/report.css");
 
 /// Script before those of every page with plots: numbers, axes and colours.
-pub const PAGE: &str = include_str!("report/assets/page.js");
+pub const PAGE: &str = include_str!("pages/assets/page.js");
 
 /// Page of results that is readable without scripts.
 pub struct OfflinePage<'a, D> {

@@ -16,6 +16,7 @@ const BINS: usize = 3;
 
 fn grid() -> Grid {
     Grid {
+        words: Vec::new(),
         signals: vec![("x_m".into(), "m".into()), ("y_n".into(), "N".into())],
         bins: BINS,
         bin_s: 0.5,

@@ -13,6 +13,9 @@ const BIN: usize = 2 * size_of::<f32>();
 pub struct Grid {
     /// Names and units of the signals.
     pub signals: Vec<(String, String)>,
+    /// Each signal in words; empty in a campaign of an earlier version.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub words: Vec<String>,
     /// Number of bins.
     pub bins: usize,
     /// Width of a bin, in s.

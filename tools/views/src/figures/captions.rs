@@ -41,7 +41,15 @@ fn escaped(text: &str) -> String {
     result
 }
 
-/// Returns the name of a figure's files from its title: its letters and digits, with `-` between its words.
+/// Names of the Greek letters from alpha on; a small sigma has two forms.
+const GREEK: [&str; 25] = [
+    "alpha", "beta", "gamma", "delta", "epsilon", "zeta", "eta", "theta", "iota", "kappa",
+    "lambda", "mu", "nu", "xi", "omicron", "pi", "rho", "sigma", "sigma", "tau", "upsilon", "phi",
+    "chi", "psi", "omega",
+];
+
+/// Returns the name of a figure's files from its title: its letters and digits, with `-` between its words. Greek
+/// letters are spelled out; a title of other letters alone gives their code points.
 pub(super) fn name_of(title: &str) -> String {
     const LONGEST: usize = 60;
     let mut name = String::new();
@@ -52,17 +60,38 @@ pub(super) fn name_of(title: &str) -> String {
                 name.push('_');
             }
             one if one.is_ascii_alphanumeric() => name.push(one.to_ascii_lowercase()),
-            _ if name.is_empty() || name.ends_with('-') => {}
-            _ => name.push('-'),
+            one => match greek(one) {
+                Some(letter) => name.push_str(letter),
+                None if name.is_empty() || name.ends_with('-') => {}
+                None => name.push('-'),
+            },
         }
-        if name.len() == LONGEST {
+        if name.len() >= LONGEST {
             break;
         }
     }
     match name.trim_matches(['-', '_']) {
-        "" => "figure".into(),
+        "" => {
+            let codes = title.chars().filter(|one| one.is_alphanumeric());
+            let codes: Vec<String> = codes
+                .take(8)
+                .map(|one| format!("u{:x}", u32::from(one)))
+                .collect();
+            if codes.is_empty() {
+                "figure".into()
+            } else {
+                codes.join("-")
+            }
+        }
         name => name.into(),
     }
+}
+
+/// Returns the name of a Greek letter.
+fn greek(letter: char) -> Option<&'static str> {
+    let small = letter.to_lowercase().next()?;
+    let place = u32::from(small).checked_sub(u32::from('α'))?;
+    GREEK.get(usize::try_from(place).ok()?).copied()
 }
 
 #[cfg(test)]
@@ -91,7 +120,11 @@ mod tests {
             ("truth.pump*_pressure*_pa", "truth-pump_pressure_pa"),
             ("Kraft über Weg", "kraft-ber-weg"),
             ("../../etc", "etc"),
-            ("力", "figure"),
+            ("Ω", "omega"),
+            ("ΔP over θ_1", "deltap-over-theta_1"),
+            ("力", "u529b"),
+            ("速度", "u901f-u5ea6"),
+            ("...", "figure"),
         ] {
             assert_eq!(name_of(title), name);
         }

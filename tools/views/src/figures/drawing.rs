@@ -71,7 +71,8 @@ impl Chart {
             .filter(|(at, _)| (0.0..=1.0).contains(&x.part(*at)))
             .map(|(at, label)| (place_x(*at), label.as_str()))
             .collect();
-        let rows = mark_rows(&marks, &font, [left, right]);
+        // A label may be wider than the frame.
+        let rows = mark_rows(&marks, &font, [EDGE, width - EDGE]);
         let row_count = rows.iter().map(|(_, row)| row + 1).max().unwrap_or(0) as f64;
         let mut scene = Scene {
             title: self.title.clone(),

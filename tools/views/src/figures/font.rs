@@ -38,35 +38,20 @@ impl Font {
         advances.sum::<f64>() * size / 1000.0
     }
 
-    /// Breaks a text into lines of at most this width, at spaces.
+    /// Breaks a text into lines of at most this width, at spaces; a longer word behind a mark between its parts, else
+    /// anywhere.
     pub(super) fn lines(&self, text: &str, size: f64, width: f64) -> Vec<String> {
+        let fits = |text: &str| self.width(text, size) <= width;
         let mut lines: Vec<String> = Vec::new();
         for word in text.split(' ').filter(|word| !word.is_empty()) {
-            if let Some(line) = lines.last_mut() {
-                let longer = format!("{line} {word}");
-                if self.width(&longer, size) <= width {
-                    *line = longer;
-                    continue;
-                }
+            let longer = lines.last().map(|line| format!("{line} {word}"));
+            match (lines.last_mut(), longer.filter(|longer| fits(longer))) {
+                (Some(line), Some(longer)) => *line = longer,
+                _ if fits(word) => lines.push(word.to_owned()),
+                _ => lines.extend(broken(word, &fits)),
             }
-            lines.push(word.to_owned());
         }
         lines
-    }
-
-    /// Returns a text that fits, with an ellipsis for its end if it is too long.
-    pub(super) fn shortened(&self, text: &str, size: f64, width: f64) -> String {
-        if self.width(text, size) <= width {
-            return text.to_owned();
-        }
-        let mut short = text.to_owned();
-        while short.pop().is_some() {
-            let with_dots = format!("{}…", short.trim_end());
-            if self.width(&with_dots, size) <= width {
-                return with_dots;
-            }
-        }
-        short
     }
 
     /// Returns ascender, descender and height of capitals in thousandths of the font's size.
@@ -84,5 +69,46 @@ impl Font {
 
     fn scale(&self) -> f64 {
         1000.0 / f64::from(self.face.units_per_em())
+    }
+}
+
+/// Breaks a word into parts that fit, of which each has a letter at least.
+fn broken(word: &str, fits: &dyn Fn(&str) -> bool) -> Vec<String> {
+    let mut parts = vec![String::new()];
+    for piece in word.split_inclusive(['_', '.', '-', '/', '=', '*']) {
+        let pieces: Vec<String> = match fits(piece) {
+            true => vec![piece.to_owned()],
+            false => piece.chars().map(String::from).collect(),
+        };
+        for piece in pieces {
+            let last = parts.last_mut().expect("one at least");
+            match last.is_empty() || fits(&format!("{last}{piece}")) {
+                true => last.push_str(&piece),
+                false => parts.push(piece),
+            }
+        }
+    }
+    parts
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_keep_every_letter_and_fit() {
+        let font = Font::new();
+        let text = "±150 N: healthy_force_fight, incomprehensibilities, recovers";
+        for width in [30.0, 60.0, 120.0, 1000.0] {
+            let lines = font.lines(text, 7.0, width);
+            let letters = |text: &str| text.replace(' ', "");
+            assert_eq!(letters(&lines.concat()), letters(text));
+            for line in &lines {
+                assert!(font.width(line, 7.0) <= width, "{line} in {width}");
+            }
+        }
+        assert_eq!(font.lines(text, 7.0, 1000.0), [text]);
+        let narrow = font.lines("healthy_force_fight", 7.0, 50.0);
+        assert_eq!(narrow, ["healthy_force_", "fight"]);
     }
 }

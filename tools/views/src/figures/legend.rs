@@ -1,7 +1,5 @@
 //! Legend of a chart: a row of samples with their texts above the frame, and labels of vertical marks.
 
-use std::collections::BTreeSet;
-
 use shared_types::number::short;
 
 use super::axis::Axis;
@@ -44,41 +42,36 @@ impl Legend {
         {
             texts.push((Some(stroke(place)), curve.label.clone()));
         }
-        let mut known = BTreeSet::new();
-        for (panel, axis) in chart.panels.iter().zip(axes) {
-            for level in &panel.levels {
-                let Some(name) = &level.requirement else {
-                    continue;
-                };
-                if !known.insert((name, level.value.abs().to_bits())) {
-                    continue;
-                }
-                let is_mirrored = |one: &Level| {
-                    one.value == -level.value && one.requirement.as_ref() == Some(name)
-                };
-                let has_mirror = level.value != 0.0 && panel.levels.iter().any(is_mirrored);
-                let value = limit_text(level.value, &axis.scale);
-                let value = match has_mirror {
-                    true => format!("±{}", value.trim_start_matches('−')),
-                    false => value,
-                };
-                texts.push(match far.contains(&level) {
-                    false => (Some(LIMIT), format!("{value}: {name}")),
-                    true => (None, format!("beyond the axis {value}: {name}")),
-                });
-            }
+        for ((value, is_far), names) in limits(chart, axes, far) {
+            let text = format!("{value}: {}", names.join(", "));
+            texts.push(match is_far {
+                false => (Some(LIMIT), text),
+                true => (None, format!("beyond the axis {text}")),
+            });
         }
         texts.extend(chart.notes.iter().map(|note| (None, note.clone())));
         let (mut entries, mut x, mut row) = (Vec::new(), left, 0);
         for (sample, text) in texts {
             let before = sample.map_or(0.0, |_| SAMPLE + GAP);
-            let text = font.shortened(&text, TEXT_SIZE, right - left - before);
             let width = before + font.width(&text, TEXT_SIZE);
             if x > left && x + width > right {
                 (x, row) = (left, row + 1);
             }
-            entries.push((sample, text, x, row));
-            x += width + BETWEEN;
+            let lines = font.lines(&text, TEXT_SIZE, right - left - before);
+            let more = lines.len().saturating_sub(1);
+            for (nth, line) in lines.into_iter().enumerate() {
+                // Further lines begin below the text of the first.
+                let (sample, x) = match nth {
+                    0 => (sample, x),
+                    _ => (None, left + before),
+                };
+                entries.push((sample, line, x, row + nth));
+            }
+            (x, row) = match more {
+                0 => (x + width + BETWEEN, row),
+                // Nothing stands beside a text of several lines.
+                _ => (left, row + more + 1),
+            };
         }
         Self { entries }
     }
@@ -99,6 +92,38 @@ impl Legend {
         }
         end
     }
+}
+
+/// Returns each limit once, by its value and whether it is beyond the axis, with the requirements that have it.
+fn limits(chart: &Chart, axes: &[Axis], far: &[&Level]) -> Vec<((String, bool), Vec<String>)> {
+    let mut limits: Vec<((String, bool), Vec<String>)> = Vec::new();
+    for (panel, axis) in chart.panels.iter().zip(axes) {
+        for level in &panel.levels {
+            let Some(name) = &level.requirement else {
+                continue;
+            };
+            let is_mirrored =
+                |one: &Level| one.value == -level.value && one.requirement.as_ref() == Some(name);
+            let has_mirror = level.value != 0.0 && panel.levels.iter().any(is_mirrored);
+            let value = limit_text(level.value, &axis.scale);
+            let value = match has_mirror {
+                true => format!("±{}", value.trim_start_matches('−')),
+                false => value,
+            };
+            let has_it = |((one, _), names): &((String, bool), Vec<String>)| {
+                *one == value && names.contains(name)
+            };
+            if limits.iter().any(has_it) {
+                continue;
+            }
+            let limit = (value, far.contains(&level));
+            match limits.iter_mut().find(|(one, _)| *one == limit) {
+                Some((_, names)) => names.push(name.clone()),
+                None => limits.push((limit, vec![name.clone()])),
+            }
+        }
+    }
+    limits
 }
 
 /// Formats the value of a limit in the unit of its axis.

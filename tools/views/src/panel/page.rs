@@ -7,7 +7,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::request::Refused;
 use crate::offline_page::PAGE;
-use crate::pages::{CLOSER, CLOSER_STYLE};
+use crate::pages::{CLOSER, CLOSER_STYLE, LENS, drawer, range_fields};
 use crate::report::page::{UPLOT, UPLOT_STYLE};
 
 /// Parts of the page's own script, in order: they are the body of one function.
@@ -90,7 +90,7 @@ fn page(nonce: &str) -> String {
                         (inject())
                     }
                 }
-                (measure())
+                (drawer())
                 noscript { p.note { "The panel needs a browser with JavaScript." } }
                 p #status .toast role="status" aria-live="polite" {}
                 p #armed role="alert" hidden {
@@ -99,7 +99,7 @@ fn page(nonce: &str) -> String {
                 }
                 script nonce=(nonce) { (PreEscaped(UPLOT)) }
                 script nonce=(nonce) { (PreEscaped(PAGE)) }
-                @for script in CLOSER { script nonce=(nonce) { (PreEscaped(script)) } }
+                @for script in CLOSER.iter().chain([&LENS]) { script nonce=(nonce) { (PreEscaped(script)) } }
                 script nonce=(nonce) { (PreEscaped(script())) }
             }
         }
@@ -143,9 +143,7 @@ fn head() -> Markup {
                     label { "Window " select #window title="+ and -" {} }
                     button #look .of-session type="button" { "Look back" }
                     span #range .row hidden {
-                        label { "From " input #from .time inputmode="decimal" autocomplete="off"; }
-                        label { "to " input #to .time inputmode="decimal" autocomplete="off"; " s" }
-                        button #whole type="button" title="Home" { "Whole run" }
+                        (range_fields())
                         button #follow type="button" title="End" { "Follow" }
                     }
                     button #find type="button" title="Ctrl-K" { "Find" }
@@ -259,26 +257,6 @@ fn branch() -> Markup {
             p #branch-says {}
             pre { code #branch-command {} }
             button #copy-branch type="button" { "Copy" }
-        }
-    }
-}
-
-/// Returns the drawer with the figures at the cursors and between them.
-fn measure() -> Markup {
-    html! {
-        section #measure aria-label="Cursors" hidden {
-            div.row {
-                label { "A " input #cursor-a .time inputmode="decimal" title="a" autocomplete="off"; }
-                label { "B " input #cursor-b .time inputmode="decimal" title="b" autocomplete="off" placeholder="-"; " s" }
-                span #gap .n {}
-                button #copy-figures type="button" { "Copy table" }
-                button #clear-cursors type="button" title="c" { "Clear" }
-                span #basis .hint {}
-            }
-            div.scroll tabindex="0" role="region" aria-label="Figures" {
-                table { thead #figures-head {} tbody #figures {} }
-            }
-            pre #copied hidden tabindex="0" aria-label="Copied text" {}
         }
     }
 }

@@ -60,10 +60,10 @@ impl<'a> Signal<'a> {
         family + unit
     }
 
-    /// Returns the numbers in the name, except those in its unit.
-    fn numbers(&self) -> Vec<&'a str> {
-        let parts = self.stem().0.split(|c: char| !c.is_ascii_digit());
-        parts.filter(|part| !part.is_empty()).collect()
+    /// Returns the words of the name that have a number, without those of its unit.
+    fn numbered(&self) -> impl Iterator<Item = &'a str> {
+        let words = self.stem().0.split(['_', '.']);
+        words.filter(|word| word.contains(|c: char| c.is_ascii_digit()))
     }
 
     /// Returns the words of the name without numbers.
@@ -165,8 +165,8 @@ pub(super) fn title(signals: &[Signal<'_>]) -> String {
 }
 
 /// Returns labels that distinguish the curves of a plot, given its title: groups if the names are equal; names without
-/// their unit if they are short; otherwise group and the numbers behind the title's `*`, if these suffice. A single
-/// curve named by the title has no label.
+/// their unit if they are short; otherwise group and the words whose numbers are behind the title's `*`, if these
+/// suffice. A single curve named by the title has no label.
 pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     let signals: Vec<Signal<'_>> = (plot.signals.iter())
         .map(|column| Signal::of_name(column, &plot.unit))
@@ -193,9 +193,9 @@ pub(crate) fn labels(plot: &Plot) -> Vec<String> {
     }
     let short: Vec<String> = (signals.iter())
         .map(|one| {
-            let numbers = one.numbers().into_iter().filter(|_| !are_twins);
+            let words = one.numbered().filter(|_| !are_twins);
             let group = has_groups.then_some(one.group);
-            let parts: Vec<&str> = group.into_iter().chain(numbers).collect();
+            let parts: Vec<&str> = group.into_iter().chain(words).collect();
             parts.join(" ")
         })
         .collect();
@@ -304,7 +304,7 @@ mod tests {
         let cases = [
             ("rad", &["reference.surface_angle_rad", "truth.surface_angle_rad"][..], "surface_angle_rad", "reference|truth"),
             ("rad", &["truth.surface_angle_rad"], "truth.surface_angle_rad", ""),
-            ("Pa", &["truth.actuator1_pressure2_pa", "truth.actuator2_pressure1_pa"], "truth.actuator*_pressure*_pa", "1 2|2 1"),
+            ("Pa", &["truth.actuator1_pressure2_pa", "truth.actuator2_pressure1_pa"], "truth.actuator*_pressure*_pa", "actuator1 pressure2|actuator2 pressure1"),
             (
                 "Pa",
                 &[
@@ -314,7 +314,7 @@ mod tests {
                     "measured.pump2_pressure_pa",
                 ],
                 "pump*_pressure_pa",
-                "truth 1|measured 1|truth 2|measured 2",
+                "truth pump1|measured pump1|truth pump2|measured pump2",
             ),
             ("N", &["internal.z11", "internal.z12"], "internal.z11, z12", "z11|z12"),
             ("1", &["internal.lyapunov_v3", "internal.lyapunov_bound"], "internal.lyapunov_*", "lyapunov_v3|lyapunov_bound"),

@@ -22,10 +22,7 @@ impl Words {
     /// is its heading.
     pub fn of<'a>(plot: &Plot, describe: impl Fn(&str) -> Option<&'a str>) -> Self {
         let names: Vec<String> = (plot.signals.iter())
-            .map(|column| {
-                let name = describe(column).and_then(name_in);
-                name.unwrap_or_else(|| spelled(column, &plot.unit))
-            })
+            .map(|column| in_words(column, &plot.unit, describe(column)))
             .collect();
         let heading = match plot.section {
             "Figures" | "Loop" => plot.title.clone(),
@@ -36,6 +33,13 @@ impl Words {
             signals: names,
         }
     }
+}
+
+/// Returns a signal in words: its description if that is a name, else its own name, spelled out.
+#[must_use]
+pub fn in_words(column: &str, unit: &str, description: Option<&str>) -> String {
+    let name = description.and_then(name_in);
+    name.unwrap_or_else(|| spelled(column, unit))
 }
 
 fn heading(plot: &Plot, names: &[String]) -> String {

@@ -10,7 +10,7 @@ use serde::Serialize;
 use shared_types::record::ControllerFate;
 use shared_types::time::Step;
 
-use super::envelope::{Envelope, Written};
+use super::envelope::{Envelope, Written, runs_of};
 use super::grid::Grid;
 use super::plots::Plot;
 use super::run::{Run, Signals};
@@ -35,6 +35,8 @@ struct RunData {
     changes: Vec<SpanData>,
     /// Changes of values, and marks.
     marks: Vec<SpanData>,
+    /// Number of records in each bucket, equal neighbours together.
+    counts: Vec<[u32; 2]>,
     signals: BTreeMap<String, SignalData>,
     spikes: Vec<SpikeData>,
     histograms: Vec<HistogramData>,
@@ -50,6 +52,9 @@ struct SpanData {
 #[derive(Debug, Serialize)]
 struct SignalData {
     unit: String,
+    /// Number of values in each bucket, where it is not that of the records.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    counts: Option<Vec<[u32; 2]>>,
     #[serde(flatten)]
     values: Written,
 }
@@ -161,6 +166,7 @@ impl RunData {
             faults: spans.collect(),
             changes: changes.collect(),
             marks: values.chain(marks).collect(),
+            counts: runs_of(signals.records()),
             signals: written(signals),
             spikes: spikes.collect(),
             histograms: histograms.collect(),
@@ -206,8 +212,13 @@ fn written(signals: &Signals) -> BTreeMap<String, SignalData> {
                 envelope.written()
             }
         };
-        let unit = unit.to_owned();
-        data.insert(name.to_owned(), SignalData { unit, values });
+        let is_whole = envelope.counts().eq(signals.records());
+        let one = SignalData {
+            unit: unit.to_owned(),
+            counts: (!is_whole).then(|| runs_of(envelope.counts())),
+            values,
+        };
+        data.insert(name.to_owned(), one);
     }
     data
 }

@@ -1,7 +1,8 @@
-//! Minimum and maximum of a signal in each bucket of a grid.
+//! Minimum, maximum, sum and sum of squares of a signal in each bucket of a grid.
 //!
-//! Both are kept, so that a one-step spike has its full height in the report at any zoom level. A bucket of one step
-//! shows the value itself, in single precision where that is enough.
+//! The first two are drawn, so that a one-step spike has its full height in the report at any zoom level; from the sums
+//! follow mean and RMS between two buckets. A bucket of one step shows the value itself, in single precision where that
+//! is enough.
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -14,11 +15,23 @@ const SINGLE: f64 = 1e37;
 /// Relative difference of values below which double precision is also used.
 const FINE: f64 = 1e-4;
 
+/// Number that stands for the whole height of a bucket in its written mean and deviation; larger ones stand for none.
+const PARTS: u16 = u16::MAX - 1;
+
 /// Envelope of a signal over a grid.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Envelope {
     least: Vec<f64>,
     greatest: Vec<f64>,
+    sums: Vec<Sums>,
+}
+
+/// Sums over the values in a bucket.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Sums {
+    values: f64,
+    squares: f64,
+    count: u32,
 }
 
 /// Envelope in the encoding of the page.
@@ -43,6 +56,10 @@ pub(crate) enum Written {
         least: String,
         /// Maximum of each bucket; empty if each bucket has one step, so that both are equal.
         greatest: String,
+        /// For each bucket with different values, where the mean is between minimum and maximum, and the standard
+        /// deviation as a part of half their distance: two integers of 16 bits with [`PARTS`] for 1.
+        #[serde(skip_serializing_if = "String::is_empty")]
+        sums: String,
     },
 }
 
@@ -52,6 +69,7 @@ impl Envelope {
         Self {
             least: vec![f64::NAN; buckets],
             greatest: vec![f64::NAN; buckets],
+            sums: vec![Sums::default(); buckets],
         }
     }
 
@@ -68,6 +86,15 @@ impl Envelope {
         if greatest.is_nan() || value > *greatest {
             *greatest = value;
         }
+        let sums = &mut self.sums[bucket];
+        sums.values += value;
+        sums.squares += value * value;
+        sums.count += 1;
+    }
+
+    /// Returns the number of values in each bucket.
+    pub(super) fn counts(&self) -> impl Iterator<Item = u32> {
+        self.sums.iter().map(|sums| sums.count)
     }
 
     /// Returns the minimum and maximum of a bucket, NaN without a value; `None` beyond the last bucket.
@@ -111,7 +138,9 @@ impl Envelope {
             let bits = a.iter().zip(b).map(|(a, b)| (a.to_bits(), b.to_bits()));
             a.len() == b.len() && bits.into_iter().all(|(a, b)| a == b)
         };
-        are_same(&self.least, &other.least) && are_same(&self.greatest, &other.greatest)
+        are_same(&self.least, &other.least)
+            && are_same(&self.greatest, &other.greatest)
+            && self.sums == other.sums
     }
 
     /// Returns `true` if single precision would distort the values.
@@ -153,8 +182,48 @@ impl Envelope {
                 true => String::new(),
                 false => text_of(&self.greatest, is_double),
             },
+            sums: STANDARD.encode(self.moments(is_double)),
         }
     }
+
+    /// Returns mean and standard deviation of the buckets with different values, as parts of their height. Both are
+    /// those of the written ends.
+    fn moments(&self, is_double: bool) -> Vec<u8> {
+        let written = |value: &f64| match is_double {
+            true => *value,
+            false => f64::from(*value as f32),
+        };
+        let part = |part: f64| match part.is_finite() {
+            true => (part.clamp(0.0, 1.0) * f64::from(PARTS)).round() as u16,
+            false => u16::MAX,
+        };
+        let ends = (self.least.iter().map(written)).zip(self.greatest.iter().map(written));
+        let differ = (ends.zip(&self.sums)).filter(|((least, greatest), _)| greatest > least);
+        let moments = differ.flat_map(|((least, greatest), sums)| {
+            let height = greatest - least;
+            let mean = sums.values / f64::from(sums.count);
+            let variance = sums.squares / f64::from(sums.count) - mean * mean;
+            // Rounding may leave less than nothing; NaN remains.
+            let deviation = if variance < 0.0 { 0.0 } else { variance.sqrt() };
+            [
+                part((mean - least) / height),
+                part(2.0 * deviation / height),
+            ]
+        });
+        moments.flat_map(u16::to_le_bytes).collect()
+    }
+}
+
+/// Writes numbers with many equal neighbours: each number and how often it follows.
+pub(super) fn runs_of(numbers: impl Iterator<Item = u32>) -> Vec<[u32; 2]> {
+    let mut runs: Vec<[u32; 2]> = Vec::new();
+    for number in numbers {
+        match runs.last_mut() {
+            Some([last, times]) if *last == number => *times += 1,
+            _ => runs.push([number, 1]),
+        }
+    }
+    runs
 }
 
 fn text_of(values: &[f64], is_double: bool) -> String {
@@ -230,6 +299,32 @@ mod tests {
                 assert_eq!(f64::from_le_bytes(second), values[1]);
             }
         }
+    }
+
+    #[test]
+    fn mean_and_deviation_are_written_for_buckets_whose_written_ends_differ() {
+        let mut envelope = Envelope::new(4);
+        for (bucket, values) in [
+            (0, &[0.0, 1.0, 1.0, 2.0][..]),
+            (1, &[5.0]),
+            (3, &[-1.0, 3.0]),
+        ] {
+            values
+                .iter()
+                .for_each(|value| envelope.take(bucket, *value));
+        }
+        // One that single precision does not tell apart.
+        [1.0, 1.0 + 1e-12].map(|value| envelope.take(2, value));
+        let Written::Values { sums, .. } = envelope.written() else {
+            panic!("values");
+        };
+        let bytes = STANDARD.decode(sums).expect("base 64");
+        let parts: Vec<u16> = (bytes.as_chunks().0.iter())
+            .map(|bytes| u16::from_le_bytes(*bytes))
+            .collect();
+        // Mean 1 of 0 to 2 with deviation sqrt(1/2) of 1; mean 1 of -1 to 3 with deviation 2 of 2.
+        assert_eq!(parts, [32_767, 46_340, 32_767, 65_534]);
+        assert_eq!(runs_of(envelope.counts()), [[4, 1], [1, 1], [2, 2]]);
     }
 
     #[test]

@@ -9,6 +9,7 @@ use super::plots::Plot;
 use super::run::{Run, Span, distinct};
 use super::{first, tables};
 use crate::offline_page::{OfflinePage, PAGE};
+use crate::pages::{CLOSER, CLOSER_STYLE, drawer, range_fields};
 
 pub(crate) const UPLOT: &str = include_str!("assets/uplot/uPlot.iife.min.js");
 pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
@@ -63,14 +64,16 @@ pub(crate) fn page(
             section #provenance { h2 { "Provenance" } (tables::provenance(runs)) }
             @if !asks_for_timing { (latency) }
         }
+        (drawer())
     };
+    let scripts = [&[UPLOT, PAGE][..], &CLOSER, &[SCRIPT]].concat();
     let page = OfflinePage {
         title: &title,
-        styles: [UPLOT_STYLE, ""],
+        styles: [&[UPLOT_STYLE, CLOSER_STYLE].concat(), ""],
         body,
         credit: Some("Plots by uPlot, MIT licence."),
         data,
-        scripts: &[UPLOT, PAGE, SCRIPT],
+        scripts: &scripts,
     };
     page.write()
 }
@@ -104,12 +107,19 @@ fn toolbar(runs: &[Run]) -> Markup {
                     "fault " (span.event) " " (span.kind)
                 }
             } }
-            button #whole type="button" { "Whole run" }
+            span #range { (range_fields()) }
+            button #find type="button" title="Ctrl-K" { "Find" }
             button #theme type="button" aria-pressed="false" { "Dark" }
             details.keys {
                 summary { "Keys" }
-                div { "Drag, or on a focused plot: " kbd { "←" } " " kbd { "→" } " move, " kbd { "+" } " " kbd { "-" } " zoom, "
-                    kbd { "Shift" } " with arrows moves the cursor, " kbd { "0" } " whole run. Wheel with " kbd { "Ctrl" } " zooms, a double click shows all." }
+                div {
+                    "A part of the run: drag over a plot, Ctrl and wheel, two fingers; Shift moves it, a double click shows all; on a plot "
+                    kbd { "←" } " " kbd { "→" } " move, " kbd { "+" } " " kbd { "-" } " zoom, " kbd { "Home" } " whole. "
+                    br;
+                    "Cursors: click twice, or on a plot " kbd { "a" } " " kbd { "b" } " at the pointer; " kbd { "," } " " kbd { "." } " and " kbd { "<" } " " kbd { ">" } " move them, " kbd { "c" } " clears. "
+                    br;
+                    kbd { "Ctrl" } " " kbd { "K" } " finds everything by its name."
+                }
             }
         }
     }

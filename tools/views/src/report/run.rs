@@ -233,11 +233,13 @@ impl Reading<'_> {
         for column in rows.columns() {
             signals.push(&column.name, &column.unit, grid);
         }
+        signals.records = vec![0; grid.len()];
         let mut bucket = 0;
         // If later records are damaged, shows those read so far.
         while let Ok(true) = reader.advance() {
             let step = Step(reader.step());
             bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
+            signals.records[bucket] += 1;
             let values = rows.values(reader.words());
             for (envelope, value) in signals.envelopes.iter_mut().zip(values) {
                 envelope.take(bucket, *value);
@@ -277,6 +279,8 @@ impl Reading<'_> {
 pub struct Signals {
     names: Vec<(String, String)>,
     envelopes: Vec<Envelope>,
+    /// Number of records in each bucket.
+    records: Vec<u32>,
 }
 
 impl Signals {
@@ -299,6 +303,11 @@ impl Signals {
         let names = self.names.iter();
         (names.zip(&self.envelopes))
             .map(|((name, unit), envelope)| (name.as_str(), unit.as_str(), envelope))
+    }
+
+    /// Returns the number of records in each bucket.
+    pub(super) fn records(&self) -> impl Iterator<Item = u32> {
+        self.records.iter().copied()
     }
 
     /// Returns the envelope of a signal.

@@ -10,7 +10,7 @@ use hil_facts::results::latency::percentiles::Percentiles;
 use hil_facts::results::latency::spikes::Spike;
 use hil_facts::results::requirements::{self, Requirement, why_vacuous};
 use hil_facts::results::summary::{Metric, of_law};
-use maud::{Markup, html};
+use maud::{Markup, PreEscaped, html};
 use shared_types::number::{short, short_in};
 use shared_types::time::Step;
 
@@ -184,33 +184,54 @@ fn published<'a>(run: &'a Run, metric: &Metric) -> Option<&'a Published> {
 
 /// Renders the lists of faults, controllers, changes of values and marks.
 pub(super) fn events(runs: &[Run]) -> Markup {
+    // Runs of one scenario have the same events, which are listed once.
+    let mut lists: Vec<(String, Vec<usize>)> = Vec::new();
+    for (number, run) in runs.iter().enumerate() {
+        let list = events_of(run).into_string();
+        match lists.iter_mut().find(|(one, _)| *one == list) {
+            Some((_, numbers)) => numbers.push(number),
+            None => lists.push((list, vec![number])),
+        }
+    }
     html! {
-        @for (number, run) in runs.iter().enumerate() {
-            @let faults = run.plan().map_or_else(Vec::new, |plan| run.outcome.recorded.faults.faults(&plan.faults, run.rate));
-            @let changes = &run.outcome.recorded.changes;
-            h3 { (swatch(number)) (run.label) }
-            @if faults.is_empty() && changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
-            ul {
-                @for fault in &faults { li { (fault.describe()) } }
-                // For runs whose scenario is invalid.
-                @if faults.is_empty() { @for span in &run.spans {
-                    li { "fault " (span.event) " " (span.kind) " from " (seconds(span.from_s)) " s" }
-                } }
-                @for change in changes {
-                    li { "controller " (change.epoch) ", step " (change.step) ": " (changed(change)) }
-                }
-                @for change in &run.outcome.recorded.values {
-                    li { "change " (change.id) ", step " (change.step) ", " (seconds(run.rate.seconds(Step(change.step)))) " s: " (change.described()) (not_confirmed(&run.outcome.recorded.faults.unconfirmed_of(change))) }
-                }
-                @for held in &run.outcome.recorded.held_commands {
-                    li { (held.describe(run.last.0)) }
-                }
-                @for counts in run.outcome.recorded.end.iter().flat_map(|end| &end.bus) {
-                    li { (counts.describe()) }
-                }
-                @for mark in &run.outcome.recorded.marks {
-                    li { "mark, step " (mark.step) ", " (seconds(run.rate.seconds(Step(mark.step)))) " s: " (mark.text) }
-                }
+        @for (list, numbers) in &lists {
+            h3 { @for (nth, number) in numbers.iter().enumerate() {
+                @if nth > 0 { ", " }
+                (swatch(*number)) (runs[*number].label)
+            } }
+            (PreEscaped(list))
+        }
+    }
+}
+
+fn events_of(run: &Run) -> Markup {
+    let recorded = &run.outcome.recorded;
+    let faults = run.plan().map_or_else(Vec::new, |plan| {
+        recorded.faults.faults(&plan.faults, run.rate)
+    });
+    let time = |step: u64| seconds(run.rate.seconds(Step(step)));
+    html! {
+        @if faults.is_empty() && recorded.changes.is_empty() && run.spans.is_empty() { p { "No fault." } }
+        ul {
+            @for fault in &faults { li { (fault.describe()) } }
+            // For runs whose scenario is invalid.
+            @if faults.is_empty() { @for span in &run.spans {
+                li { "fault " (span.event) " " (span.kind) " from " (seconds(span.from_s)) " s" }
+            } }
+            @for change in &recorded.changes {
+                li { "controller " (change.epoch) ", step " (change.step) ": " (changed(change)) }
+            }
+            @for change in &recorded.values {
+                li { "change " (change.id) ", step " (change.step) ", " (time(change.step)) " s: " (change.described()) (not_confirmed(&recorded.faults.unconfirmed_of(change))) }
+            }
+            @for held in &recorded.held_commands {
+                li { (held.describe(run.last.0)) }
+            }
+            @for counts in recorded.end.iter().flat_map(|end| &end.bus) {
+                li { (counts.describe()) }
+            }
+            @for mark in &recorded.marks {
+                li { "mark, step " (mark.step) ", " (time(mark.step)) " s: " (mark.text) }
             }
         }
     }

@@ -7,6 +7,7 @@ use crate::folder::Folder;
 use crate::order::quantile;
 use hil_config::study::Study;
 use hil_facts::results::curve::{Curve, Grid};
+use hil_views::plots::words::in_words;
 use serde::Serialize;
 
 use super::numbers::Singles;
@@ -23,6 +24,8 @@ pub(super) struct Envelopes {
     bin_s: f64,
     /// Names and units of the signals.
     signals: Vec<(String, String)>,
+    /// Each signal in words.
+    words: Vec<String>,
     /// For each variant, the curves of each signal from the lowest to the highest.
     variants: Vec<Vec<Singles>>,
     worst: Vec<Worst>,
@@ -89,12 +92,27 @@ impl Envelopes {
             bins: grid.bins,
             bin_s: grid.bin_s,
             signals: grid.signals.clone(),
+            words: words(grid),
             variants: variants.collect(),
             worst: worst.collect(),
             draws: draws.len(),
             without,
         }))
     }
+}
+
+/// Returns each signal in words, by its name in a campaign of an earlier version.
+fn words(grid: &Grid) -> Vec<String> {
+    let mut words = grid.words.iter();
+    let signals = grid.signals.iter();
+    signals
+        .map(|(name, unit)| {
+            words
+                .next()
+                .cloned()
+                .unwrap_or_else(|| in_words(name, unit, None))
+        })
+        .collect()
 }
 
 /// Computes the concatenated curves of a signal in a variant.

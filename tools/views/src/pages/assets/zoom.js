@@ -107,3 +107,49 @@ const hearPointer = (u, axis, shown, click, back) => {
     axis.all();
   });
 };
+
+// ---- The range in numbers ----
+
+// The time in a field: `null` of an empty one, NaN of a text that is no number, of which it tells.
+const typedTime = (id) => {
+  const text = byId(id).value.trim();
+  const time = text === "" ? null : Number(text);
+  if (time === null || Number.isFinite(time)) return time;
+  tell(`\`${text}\` is no number of seconds`);
+  return NaN;
+};
+// The two fields of the part in sight and the button that shows all of it. Gives what writes the part into them.
+const rangeFields = (axis, shown) => {
+  const ids = ["from", "to"];
+  const showRange = () => shown().forEach((time, place) => {
+    if (document.activeElement !== byId(ids[place])) byId(ids[place]).value = seconds(time);
+  });
+  for (const [place, id] of ids.entries()) {
+    byId(id).addEventListener("change", () => {
+      // The other end is the one in sight, with all its digits.
+      const part = [...shown()];
+      const before = seconds(part[place]);
+      const time = typedTime(id);
+      const [begin, end] = axis.whole();
+      part[place] = Math.min(Math.max(time, begin), end);
+      if (time === null || !(part[1] - part[0] >= axis.least() * (1 - 1e-9))) {
+        if (time !== null && !Number.isNaN(time)) tell(part[1] > part[0] ? "a range has at least 4 steps" : "a range ends after it begins");
+        byId(id).value = before;
+        return;
+      }
+      axis.between(...part);
+      byId(id).blur();
+    });
+    byId(id).addEventListener("blur", showRange);
+  }
+  byId("whole").addEventListener("click", () => axis.all());
+  return showRange;
+};
+// Keys along the axis.
+const keysOfAxis = (axis, event) => {
+  const step = event.shiftKey ? 0.5 : 0.1;
+  return {
+    ArrowLeft: () => axis.pan(-step), ArrowRight: () => axis.pan(step), Home: () => axis.all(), 0: () => axis.all(),
+    "+": () => axis.zoom(0.5), "=": () => axis.zoom(0.5), "-": () => axis.zoom(2),
+  };
+};

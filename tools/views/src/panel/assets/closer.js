@@ -3,14 +3,7 @@
 
 // ---- The range ----
 
-// The time in a field: `null` of an empty one, NaN of a text that is no number, of which the page tells.
-const typedTime = (id) => {
-  const text = byId(id).value.trim();
-  const time = text === "" ? null : Number(text);
-  if (time === null || Number.isFinite(time)) return time;
-  write(byId("status"), `\`${text}\` is no number of seconds`);
-  return NaN;
-};
+const showSpan = rangeFields(axis, span);
 const showRange = () => {
   const [from, to] = span();
   byId("range").hidden = !closer;
@@ -18,28 +11,9 @@ const showRange = () => {
   byId("whole").hidden = !about.recorded;
   byId("look").hidden = Boolean(closer) || Boolean(about.recorded);
   byId("window").closest("label").hidden = Boolean(about.recorded);
-  for (const [id, time] of [["from", from], ["to", to]]) if (document.activeElement !== byId(id)) byId(id).value = seconds(time);
+  showSpan();
   root.dataset.range = closer ? `${from} ${to}` : "";
 };
-for (const [place, id] of ["from", "to"].entries()) {
-  byId(id).addEventListener("change", () => {
-    // The other end is the one in sight, with all its digits.
-    const part = [...span()];
-    const before = seconds(part[place]);
-    const time = typedTime(id);
-    const [begin, end] = axis.whole();
-    part[place] = Math.min(Math.max(time, begin), end);
-    if (time === null || !(part[1] - part[0] >= axis.least() * (1 - 1e-9))) {
-      if (time !== null && !Number.isNaN(time)) write(byId("status"), part[1] > part[0] ? "a range has at least 4 steps" : "a range ends after it begins");
-      byId(id).value = before;
-      return;
-    }
-    axis.between(...part);
-    byId(id).blur();
-  });
-  byId(id).addEventListener("blur", () => about && showRange());
-}
-byId("whole").addEventListener("click", () => axis.all());
 byId("follow").addEventListener("click", () => follow());
 byId("look").addEventListener("click", () => lookAt(span()));
 
@@ -70,36 +44,16 @@ const measure = () => {
   if (about.over) ask({ ...message, over: true });
 };
 const cursorsChanged = () => {
-  const ends = cursors.ends();
-  byId("measure").hidden = !ends;
-  document.body.classList.toggle("measures", Boolean(ends));
-  if (!ends) {
+  if (!cursors.ends()) {
     [figures, others] = [new Map(), new Map()];
     delete root.dataset.measured;
   }
-  for (const [place, id] of ["cursor-a", "cursor-b"].entries()) {
-    const step = cursors.steps[place];
-    if (document.activeElement !== byId(id)) byId(id).value = step === null ? "" : seconds(step * period());
-  }
-  const [a, b] = cursors.steps;
-  const gap = a === null || b === null ? null : (b - a) * period();
-  write(byId("gap"), gap === null ? "" : `B - A: ${seconds(gap)} s${gap ? `, 1/(B - A): ${number(1 / gap)} Hz` : ""}`);
+  drawer.show();
   measure();
   showBranch();
   for (const plot of plots) plot.plot?.redraw(false, false);
   drawSoon();
 };
-for (const [place, id] of ["cursor-a", "cursor-b"].entries()) {
-  byId(id).addEventListener("change", () => {
-    const time = typedTime(id);
-    if (time === null) return cursors.put(place, null);
-    if (time >= 0) return cursors.put(place, Math.round(time / period()));
-    const step = cursors.steps[place];
-    byId(id).value = step === null ? "" : seconds(step * period());
-  });
-}
-byId("clear-cursors").addEventListener("click", () => cursors.clear());
-
 const takeFigures = (answer) => {
   if (answer.number !== measuring || !cursors.ends()) return;
   const list = new Map(answer.signals.map((one) => [one.signal, one]));
@@ -110,70 +64,29 @@ const takeFigures = (answer) => {
   readLater();
   root.dataset.measured = `${answer.from} ${answer.to}`;
 };
-const isBetween = () => cursors.steps.every((one) => one !== null);
-// The columns of the table behind signal and unit: heading, and value of a signal's figures.
-const columnsOfFigures = () => {
-  const [a, b] = cursors.steps;
-  const first = a === null || (b !== null && b < a) ? 1 : 0;
-  const at = (one, which) => one?.at[which === "a" ? first : 1 - first] ?? null;
-  const single = a === null ? "B" : "A";
-  const less = (x, y) => (isNothing(x) || isNothing(y) ? null : x - y);
-  const both = [
-    ["at A", (one) => at(one, "a")], ["at B", (one) => at(one, "b")], ["B - A", (one) => less(at(one, "b"), at(one, "a"))],
-    ["mean", (one) => one.mean], ["RMS", (one) => one.rms], ["peak to peak", (one) => less(one.greatest, one.least)],
-  ];
-  const columns = isBetween() ? both : [[`at ${single}`, (one) => one.at[0]]];
-  if (!about.over) return columns;
-  const other = (one) => others.get(one.signal);
-  const differences = isBetween()
-    ? [["A less other", (one) => less(at(one, "a"), at(other(one), "a"))], ["B less other", (one) => less(at(one, "b"), at(other(one), "b"))]]
-    : [[`other at ${single}`, (one) => other(one)?.at[0] ?? null], ["difference", (one) => less(one.at[0], other(one)?.at[0])]];
-  return columns.concat(differences);
+// Values of the other run, beside those of this one.
+const columnsOfOther = (names, at) => {
+  if (!about.over) return [];
+  const other = (row) => others.get(row.signal);
+  const [name] = names;
+  if (names.length === 1) return [[`other at ${name}`, (row) => at(other(row), name)], ["difference", (row) => less(at(row, name), at(other(row), name))]];
+  return names.map((name) => [`${name} less other`, (row) => less(at(row, name), at(other(row), name))]);
 };
+const drawer = drawerOf({ cursors, period, scenario: () => about.scenario, more: columnsOfOther });
 // The reason why no requirement can be copied of a signal, or "".
 const whyNoRequirement = (name, one) => {
-  if (name.startsWith("parameter.")) return "a requirement is on signals, not on parameters";
-  if (!/^[A-Za-z_]/.test(name) || /_(ns|steps)$/.test(name)) return "a requirement cannot name this signal";
+  if (whyUnnamed(name)) return whyUnnamed(name);
   if (isNothing(one.least)) return "it has no value between the cursors";
   return !about.recorded && basis > 1 ? "it needs every step, which the panel has not kept: hil panel RUN" : "";
 };
 const showFigures = () => {
-  const columns = columnsOfFigures();
-  const head = make("tr");
-  head.append(make("th", "signal", { scope: "col" }), make("th", "unit", { scope: "col" }), ...columns.map(([title]) => make("th", title, { scope: "col", class: "n" })), make("th", make("span", "copy", { class: "visually-hidden" }), { scope: "col" }));
-  byId("figures-head").replaceChildren(head);
-  const ends = cursors.ends();
-  const steps = ends[1] - ends[0] + 1;
-  byId("figures").replaceChildren(...[...figures.values()].map((one) => {
+  const [first, last] = cursors.ends();
+  const from = basis === 1 ? `from every step (${last - first + 1})` : `from the least and the greatest values of ${basis} steps each, which is what the panel has kept; mean and RMS need every step: hil panel RUN`;
+  drawer.list([...figures.values()].map((one) => {
     const { name, unit } = signals[one.signal];
-    const row = make("tr");
-    // A time in ns is written with a unit that suits it.
-    const own = unit === "ns" ? unit : "";
-    row.append(make("th", name, { scope: "row" }), make("td", own || unit === "1" ? "" : unit, { class: "unit" }), ...columns.map(([, value]) => make("td", shown(value(one), own), { class: "n" })));
-    const copy = make("button", "requirement", { type: "button", "aria-label": `Copy a requirement on ${name}` });
-    copy.title = whyNoRequirement(name, one);
-    copy.disabled = copy.title !== "";
-    copy.addEventListener("click", () => copyAndTell(asRequirement(name, ends.map((step) => step * period()), one, steps), `a requirement on ${name}`));
-    const last = make("td");
-    last.append(copy);
-    row.append(last);
-    return row;
-  }));
-  const from = basis === 1 ? `from every step (${steps})` : `from the least and the greatest values of ${basis} steps each, which is what the panel has kept; mean and RMS need every step: hil panel RUN`;
-  write(byId("basis"), from);
+    return { ...one, name, unit, why: whyNoRequirement(name, one) };
+  }), from);
 };
-const copyAndTell = async (text, title) => {
-  const isDone = await copyText(text, byId("copied"));
-  write(byId("status"), isDone ? `copied ${title}` : `the browser keeps its clipboard; ${title} is selected`);
-};
-byId("copy-figures").addEventListener("click", () => {
-  const columns = columnsOfFigures();
-  const [a, b] = cursors.steps;
-  const at = (name, step) => (step === null ? [] : [`${name} ${seconds(step * period())} s (step ${step})`]);
-  const title = [about.scenario, ...at("A", a), ...at("B", b)].join(", ");
-  const rows = [...figures.values()].map((one) => [signals[one.signal].name, signals[one.signal].unit || "1", ...columns.map(([, value]) => value(one))]);
-  copyAndTell(figuresAsText({ title, head: ["signal", "unit", ...columns.map(([name]) => name)], rows }), "the table");
-});
 
 // ---- Times at which a formula holds ----
 
@@ -290,25 +203,12 @@ const showBranch = () => {
   write(byId("branch-says"), `From step ${one.step} (${seconds(one.time_s)} s): ${gap}.`);
   write(byId("branch-command"), `hil run --from ${quoted(one.folder)}`);
 };
-byId("copy-branch").addEventListener("click", () => copyAndTell(byId("branch-command").textContent + "\n", "the command"));
+byId("copy-branch").addEventListener("click", () => drawer.copy(byId("branch-command").textContent + "\n", "the command"));
 
 // ---- Keys ----
 
-// The time under the pointer or, without one, in the middle.
-const timeAtHand = () => {
-  const hovered = plots.find((one) => one.plot && one.plot.cursor.left >= 0)?.plot;
-  const [from, to] = span();
-  return hovered ? hovered.posToVal(hovered.cursor.left, "x") : (from + to) / 2;
-};
 const keysOfLooking = (event) => {
-  const step = event.shiftKey ? 0.5 : 0.1;
-  const put = (place) => () => cursors.put(place, Math.max(0, Math.round(timeAtHand() / period())));
-  // Along the steps of the recording, with a cursor that is there.
-  const move = (place, by) => () => cursors.steps[place] === null || cursors.put(place, Math.max(0, cursors.steps[place] + by));
-  const keys = {
-    ArrowLeft: () => axis.pan(-step), ArrowRight: () => axis.pan(step), Home: () => axis.all(), 0: () => axis.all(),
-    a: put(0), b: put(1), c: () => cursors.clear(), ",": move(0, -1), ".": move(0, 1), "<": move(1, -1), ">": move(1, 1), w: () => about.recorded && (byId("where").focus(), true),
-  };
+  const keys = { ...keysOfAxis(axis, event), ...keysOfCursors(cursors, () => timeAtHand(plots, span())), w: () => about.recorded && (byId("where").focus(), true) };
   if (!about.recorded) keys.End = () => closer && follow();
   return keys;
 };

@@ -112,14 +112,7 @@ document.addEventListener("visibilitychange", () => {
   }
 });
 
-// What is told is seen for a while, and heard by a screen reader.
-let toastLater = 0;
-new MutationObserver(() => {
-  byId("status").toggleAttribute("data-shown", byId("status").textContent !== "");
-  clearTimeout(toastLater);
-  toastLater = setTimeout(() => byId("status").removeAttribute("data-shown"), 4000);
-}).observe(byId("status"), { childList: true, characterData: true, subtree: true });
-
+watchStatus();
 const chosenTheme = () => ["dark", "light"].find((one) => one === recall("theme"));
 const followTheme = () => setTheme(chosenTheme() ? chosenTheme() === "dark" : wantsDark.matches);
 followTheme();

@@ -3,16 +3,6 @@
 // text. This file, `closer.js` and `connection.js` are the parts of one function.
 const secret = location.hash.slice(1);
 
-const make = (name, content, attributes = {}) => {
-  const element = document.createElement(name);
-  if (content !== undefined) element.append(content);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  return element;
-};
-const write = (element, text) => {
-  if (element.textContent !== text) element.textContent = text;
-};
-
 // A name that may break behind its parts.
 const parted = (name) => {
   const box = document.createDocumentFragment();
@@ -127,6 +117,8 @@ const came = (from) => {
   drawSoon();
 };
 const inView = () => (closer ? lens : view);
+// The place of a stretch among the numbers of a part.
+const slotOf = ({ base, size }) => (nth) => (nth - base) % size;
 // The stretches in it.
 const stretches = ([from, to], part) => {
   const length = part.length * period();
@@ -202,11 +194,8 @@ class Plot {
         { ...axisOf(() => ink, 30, font), ...timeLabels },
         { ...axisOf(() => ink, valueAxis, font), ...labelsOf({ ...spec, log: this.isLog }, 6) },
       ],
-      series: [{}, ...this.series.map((one, place) => ({
-        show: one.isShown, stroke: () => ink.series[one.colour], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false },
-        paths: (u) => this.path(u, one),
-      }))],
-      hooks: { drawClear: [(u) => this.shade(u), (u) => this.ghost(u)], draw: [(u) => this.levels(u), (u) => this.names(u), (u) => cursors.draw(u, ink)], setCursor: [() => this.read()] },
+      series: seriesOf(this.series, () => ink, (u, { signal }) => this.course(u, this.part, signal, this.from, this.to)),
+      hooks: { drawClear: [(u) => drawEvents(u, inSight, ink), (u) => this.ghost(u)], draw: [(u) => drawLevels(u, this.spec, this.isLog, ink), (u) => this.names(u), (u) => cursors.draw(u, ink)], setCursor: [() => this.read()] },
     }, [[], ...this.series.map(() => [])], this.box);
     hearPointer(this.plot, axis, span, (time) => cursors.place(time), () => cursors.back());
   }
@@ -238,16 +227,7 @@ class Plot {
     let max = -Infinity;
     const reach = (part, signal, from, to) => {
       const numbers = part.of(signal);
-      if (!numbers) return;
-      const { base, size } = part;
-      for (let i = from; i <= to; i++) {
-        let low = numbers.least[(i - base) % size];
-        let high = numbers.greatest[(i - base) % size];
-        if (low !== low) continue;
-        if (this.isLog) [low, high] = magnitudes(low, high);
-        if (low < min && Number.isFinite(low) && (low > 0 || !this.isLog)) min = low;
-        if (high > max && Number.isFinite(high)) max = high;
-      }
+      if (numbers) [min, max] = reachOf(numbers, { from, to, slot: slotOf(part), isLog: this.isLog }, [min, max]);
     };
     for (const { signal, isShown } of this.series) {
       if (!isShown) continue;
@@ -273,52 +253,12 @@ class Plot {
     if (!holds) this.range = [min - room, max + room];
   }
 
-  // Through the least and the greatest value of each stretch, the nearer one first.
-  path(u, { signal }) {
-    return { stroke: this.course(u, this.part, signal, this.from, this.to), fill: null, clip: null, band: null, gaps: null, flags: 0 };
-  }
-
   course(u, part, signal, from, to) {
-    const stroke = new Path2D();
     const numbers = part.of(signal);
-    if (!numbers) return stroke;
-    const { least, greatest } = numbers;
-    const { base, size } = part;
-    const { left, top, width, height } = u.bbox;
-    const { isLog } = this;
-    const [begin, end] = [u.scales.x.min, u.scales.x.max];
-    const [floor, ceiling] = isLog ? [Math.log10(u.scales.y.min), Math.log10(u.scales.y.max)] : [u.scales.y.min, u.scales.y.max];
-    const scaleX = width / (end - begin);
-    const scaleY = height / (ceiling - floor);
-    const room = ceiling - floor;
-    const y = (value) => {
-      const high = isLog ? Math.log10(Math.max(value, 1e-300)) : value;
-      return top + height - (Math.min(Math.max(high, floor - room), ceiling + room) - floor) * scaleY;
-    };
-    const step = period();
-    let isDown = false;
-    let last = 0;
-    for (let i = from; i <= to; i++) {
-      let low = least[(i - base) % size];
-      let high = greatest[(i - base) % size];
-      if (low !== low) {
-        isDown = false;
-        continue;
-      }
-      if (isLog) [low, high] = magnitudes(low, high);
-      const x = left + (i * part.length * step - begin) * scaleX;
-      const isRising = Math.abs(last - low) <= Math.abs(last - high);
-      const first = isRising ? low : high;
-      const second = isRising ? high : low;
-      if (isDown) stroke.lineTo(x, y(first));
-      else stroke.moveTo(x, y(first));
-      const until = Math.min((i + 1) * part.length - 1, part.newest);
-      if (first !== second) stroke.lineTo(left + (until * step - begin) * scaleX, y(second));
-      else if (!isDown) stroke.lineTo(x + 0.01, y(first));
-      isDown = true;
-      last = second;
-    }
-    return stroke;
+    if (!numbers) return new Path2D();
+    const begin = (nth) => nth * part.length * period();
+    const end = (nth) => Math.min((nth + 1) * part.length - 1, part.newest) * period();
+    return courseOf(u, numbers, { from, to, slot: slotOf(part), begin, end, isLog: this.isLog });
   }
 
   // The other run, behind the curves.
@@ -331,22 +271,6 @@ class Plot {
       const [from, to] = stretches(span(), ghost);
       for (const { signal, isShown } of this.series) if (isShown) ctx.stroke(this.course(u, ghost, signal, from, to));
       ctx.globalAlpha = 1;
-    });
-  }
-
-  // Times in which faults act, and notes.
-  shade(u) {
-    within(u, (ctx, { left, top, width, height }, ratio) => {
-      for (const { from_s, until_s, isFault } of inSight) {
-        const from = u.valToPos(from_s, "x", true);
-        const to = until_s === null ? left + width : u.valToPos(until_s, "x", true);
-        if (isFault) {
-          ctx.fillStyle = ink.fault;
-          ctx.fillRect(from, top, Math.max(to - from, ratio), height);
-        }
-        ctx.fillStyle = isFault ? ink.edge : ink.text;
-        ctx.fillRect(from, top, ratio, height);
-      }
     });
   }
 
@@ -367,16 +291,10 @@ class Plot {
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       ctx.textBaseline = "top";
       ctx.textAlign = "left";
-      const boxes = [];
       const line = 13 * ratio;
-      for (const { label, isLabelled, from_s, isFault } of inSight) {
-        if (!isLabelled) continue;
-        const from = u.valToPos(from_s, "x", true);
-        const wide = ctx.measureText(label).width;
-        const x = Math.max(left + 2 * ratio, Math.min(Math.max(from, left) + 4 * ratio, left + width - wide - 2 * ratio));
-        const row = [0, 1, 2, 3].find((row) => boxes.every((box) => box.row !== row || box.right < x || box.left > x + wide));
-        if (row === undefined) continue;
-        boxes.push({ row, left: x, right: x + wide + 6 * ratio });
+      const labelled = inSight.filter((one) => one.isLabelled);
+      const at = ({ from_s }) => Math.max(u.valToPos(from_s, "x", true), left) + 4 * ratio;
+      for (const { event: { isFault }, label, left: x, row, wide } of placeNames(ctx, labelled, [left + 2 * ratio, left + width - 2 * ratio], 4, at)) {
         const y = top + 3 * ratio + row * line;
         ctx.globalAlpha = 0.55; // curves below stay in sight
         ctx.fillStyle = ink.paper;
@@ -388,44 +306,17 @@ class Plot {
     });
   }
 
-  // Level lines and limits of requirements.
-  levels(u) {
-    within(u, (ctx, { left, width }, ratio) => {
-      ctx.lineWidth = 1.25 * ratio;
-      const rule = (level, from, to) => {
-        if (this.isLog && level <= 0) return;
-        const y = u.valToPos(level, "y", true);
-        ctx.beginPath();
-        ctx.moveTo(from, y);
-        ctx.lineTo(to, y);
-        ctx.stroke();
-      };
-      ctx.strokeStyle = ink.text;
-      ctx.setLineDash([2 * ratio, 4 * ratio]);
-      for (const level of this.spec.lines) rule(level, left, left + width);
-      ctx.strokeStyle = ink.limit;
-      ctx.setLineDash([6 * ratio, 3 * ratio]);
-      for (const limit of this.spec.limits) {
-        rule(limit.level, Math.max(u.valToPos(limit.from_s, "x", true), left), Math.min(u.valToPos(limit.until_s, "x", true), left + width));
-      }
-    });
-  }
-
   legend() {
     for (const [index, one] of this.series.entries()) {
-      const button = make("button", undefined, { type: "button", "aria-pressed": String(one.isShown), title: one.signal.name });
-      one.shownValue = make("span", "", { class: "value" });
-      button.append(lineOf(20, one.dash, one.colour), parted(one.label), " ", one.shownValue);
-      button.addEventListener("click", () => {
-        one.isShown = !one.isShown;
+      const button = legendButton(one, 20, [parted(one.label)], (isShown) => {
         const name = this.spec.title + " " + one.signal.name;
-        if (one.isShown) hidden.delete(name);
+        if (isShown) hidden.delete(name);
         else hidden.add(name);
         retainChoices();
-        button.setAttribute("aria-pressed", String(one.isShown));
-        if (this.plot) this.plot.setSeries(index + 1, { show: one.isShown });
+        if (this.plot) this.plot.setSeries(index + 1, { show: isShown });
         drawSoon();
       });
+      button.title = one.signal.name;
       this.legendBox.append(button);
     }
   }
@@ -439,10 +330,9 @@ class Plot {
         continue;
       }
       const { part } = this;
-      const slot = (this.from + idx - part.base) % part.size;
+      const slot = slotOf(part)(this.from + idx);
       const numbers = part.of(signal);
-      const [low, high] = numbers ? [numbers.least[slot], numbers.greatest[slot]] : [NaN, NaN];
-      write(shownValue, number(low) === number(high) ? shown(low, this.spec.unit) : `${number(low)} to ${shown(high, this.spec.unit)}`);
+      write(shownValue, reachShown(numbers?.least[slot], numbers?.greatest[slot], this.spec) || "-");
     }
   }
 }
@@ -1100,8 +990,8 @@ addEventListener("keydown", (event) => {
   };
   const keys = {
     ...(about.recorded ? {} : ofSession),
-    ...(closer ? { "+": () => axis.zoom(0.5), "=": () => axis.zoom(0.5), "-": () => axis.zoom(2) } : { "+": () => wider(-1), "=": () => wider(-1), "-": () => wider(1) }),
     ...keysOfLooking(event),
+    ...(closer ? {} : { "+": () => wider(-1), "=": () => wider(-1), "-": () => wider(1) }),
   };
   const button = /^[1-9]$/.test(event.key) ? byId("buttons").children[Number(event.key) - 1] : null;
   const does = button ? () => !button.disabled && !event.repeat && (arm(button), true) : keys[event.key];

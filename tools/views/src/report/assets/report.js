@@ -3,7 +3,6 @@
 // greatest value of each bucket, which may be a single step. Both are drawn, so no spike is ever hidden.
 (() => {
   const data = JSON.parse(byId("data").textContent);
-  const status = byId("status");
 
   // ---- Numbers ----
 
@@ -12,6 +11,25 @@
 
   const cache = new Map();
   const numbersOf = (text, isDouble) => new (isDouble ? Float64Array : Float32Array)(bytesOf(text).buffer);
+  // Numbers of equal neighbours, written as pairs of number and how often it follows.
+  const countsOf = (pairs) => Uint32Array.from(pairs.flatMap(([count, times]) => new Array(times).fill(count)));
+  const counts = data.runs.map((run) => countsOf(run.counts));
+  // Means of the buckets, and means of the squares, from where they are between the least and the greatest value.
+  const PARTS = 65534;
+  const withMeans = (values, text) => {
+    const { least, greatest } = values;
+    const parts = new Uint16Array(bytesOf(text ?? "").buffer);
+    const mean = Float64Array.from(least);
+    const square = mean.map((value) => value * value);
+    for (let i = 0, at = 0; i < buckets; i++) {
+      const height = greatest[i] - least[i];
+      if (!(height > 0)) continue;
+      const [part, spread] = [parts[at++], parts[at++]];
+      mean[i] = part > PARTS ? NaN : least[i] + (height * part) / PARTS;
+      square[i] = mean[i] ** 2 + ((height / 2) * (spread / PARTS)) ** 2;
+    }
+    return { ...values, mean, square };
+  };
   // The envelope of a run's signal, or undefined if the run has none.
   const signalOf = (run, name) => {
     const key = run + " " + name;
@@ -20,12 +38,11 @@
     let found;
     if (written && written.same !== undefined) {
       found = signalOf(run, written.same);
-    } else if (written && written.value !== undefined) {
-      const flat = new Float64Array(buckets).fill(written.value);
-      found = { least: flat, greatest: flat };
     } else if (written) {
-      const least = numbersOf(written.least, written.is_double);
-      found = { least, greatest: written.greatest ? numbersOf(written.greatest, written.is_double) : least };
+      const { is_double, value } = written;
+      const least = value !== undefined ? new Float64Array(buckets).fill(value) : numbersOf(written.least, is_double);
+      const greatest = written.greatest ? numbersOf(written.greatest, is_double) : least;
+      found = { least, greatest, sums: written.sums, is_double: is_double !== false, counts: written.counts ? countsOf(written.counts) : counts[run] };
     }
     cache.set(key, found);
     return found;
@@ -36,6 +53,7 @@
   };
 
   // The bucket that holds a time.
+  const slot = (bucket) => bucket;
   const bucketOf = (time) => {
     let low = 0;
     let high = buckets - 1;
@@ -66,21 +84,25 @@
   const whole = [start[0], Math.max(data.end_s, start[0] + 1e-9)];
   let view = whole.slice();
 
-  // Shows the same time in every plot; those out of sight follow when they are seen.
-  const show = (min, max) => {
-    const least = Math.min(...data.runs.map((run) => run.period_s));
-    const length = Math.min(Math.max(max - min, 2 * least), whole[1] - whole[0]);
-    min = Math.min(Math.max(min, whole[0]), whole[1] - length);
-    view = [min, min + length];
+  const period = Math.min(...data.runs.map((run) => run.period_s));
+  // The same time in every plot; those out of sight follow when they are seen.
+  const axis = timeAxis({ whole: () => whole, least: () => 4 * period, shown: () => view, show: (part) => {
+    view = part;
+    showRange();
+    root.dataset.range = part.join(" ");
     for (const plot of plots) plot.follow();
-    status.textContent = `${seconds(view[0])} to ${seconds(view[1])} s`;
-  };
+  } });
+  const showRange = rangeFields(axis, () => view);
+  // The buckets in sight.
+  const inView = () => ({ from: bucketOf(view[0]), to: bucketOf(view[1]), slot });
 
   const isOverlaid = data.runs.length > 1;
   const HEIGHT = 230;
-  // Rows above a plot for the names of faults, handovers and marks.
-  const names = new Set(data.runs.flatMap((run) => [...run.faults, ...run.changes, ...run.marks]).map((one) => one.label));
-  const namedRows = Math.min(3, names.size);
+  // Faults, handovers, changes and marks; those of several runs once.
+  const eventOf = new Map(data.runs.flatMap((run) => [...run.faults.map((one) => ({ ...one, isFault: true, kind: "fault" })), ...run.changes.map((one) => ({ ...one, kind: "controller" })), ...run.marks.map((one) => ({ ...one, kind: "mark" }))]).map((one) => [`${one.label} ${one.from_s} ${one.until_s}`, one]));
+  const events = [...eventOf.values()];
+  // Rows above a plot for their names.
+  const namedRows = Math.min(3, new Set(events.map((one) => one.label)).size);
   // Each limit once, by its size, with the requirements that have it.
   const limitsOf = (spec) => {
     const found = new Map();
@@ -115,8 +137,8 @@
           });
         });
       });
-      this.isOffset = false;
-      figure.addEventListener("keydown", (event) => this.key(event));
+      // How values are drawn: `linear`, `symmetric` (logarithmic beyond a magnitude) or each curve with an `offset`.
+      this.form = undefined;
     }
 
     // The magnitude up to which a spike leaves the axis linear, or 0: from the sizes of all curves and how long they last.
@@ -132,15 +154,18 @@
       if (this.plot) return;
       const box = this.figure.querySelector(".canvas");
       const { spec } = this;
-      if (this.usual === undefined) this.linear = this.usual = this.spike();
-      this.symmetric = this.linear && !this.isOffset ? symmetricScale(this.linear) : null;
+      if (this.form === undefined) {
+        this.linear = this.spike();
+        this.form = this.linear ? "symmetric" : "linear";
+      }
+      this.symmetric = this.form === "symmetric" ? symmetricScale((this.linear ||= this.threshold())) : null;
       const points = this.series.map((one) => Array.from(one.values.greatest, (value) => (value === value ? (spec.log ? Math.abs(value) || null : value) : null)));
       this.plot = new uPlot({
         width: Math.max(280, box.clientWidth),
         height: HEIGHT,
         padding: [namedRows ? 13 * namedRows + 4 : null, null, null, null],
         legend: { show: false },
-        cursor: { sync: { key: "report", setSeries: false, filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } }, drag: { x: true, y: false, setScale: false }, points: { show: false }, y: false },
+        cursor: { sync: { key: "report", setSeries: false, filters: { pub: (type) => type === "mousemove" || type === "mouseleave" } }, drag: { x: false, y: false }, points: { show: false }, y: false },
         scales: {
           x: { time: false, range: () => view },
           y: { distr: spec.log ? 3 : 1, ...this.symmetric, range: () => this.range() },
@@ -149,23 +174,15 @@
           { ...axisOf(() => ink, 28), ...timeLabels },
           { ...axisOf(() => ink, valueAxis), ...(this.symmetric ? this.symmetricLabels() : labelsOf(spec)) },
         ],
-        // The first are wider, so that those of one course are seen beneath each other.
-        series: [{}, ...this.series.map((one, place) => ({ stroke: () => ink.series[one.colour % 8], width: 1.25 + Math.min(2, 0.9 * (this.series.length - 1 - place)), dash: one.dash, points: { show: false }, paths: (u, index, from, to) => this.path(u, one, from, to, this.raised(place)) }))],
+        series: seriesOf(this.series, () => ink, (u, one, place, from, to) => this.course(u, one, from, to, this.raised(place))),
         hooks: {
-          drawClear: [(u) => this.shade(u)],
-          draw: [(u) => this.judge(u)],
-          setSelect: [(u) => this.select(u)],
-          setCursor: [(u) => this.read(u.cursor.idx)],
+          drawClear: [(u) => drawEvents(u, events, ink), (u) => this.names(u)],
+          draw: [(u) => this.judge(u), (u) => cursors.draw(u, ink)],
+          setCursor: [() => this.read()],
           setScale: [(u, key) => key === "y" && this.tell()],
         },
       }, [Array.from(start), ...points], box);
-      this.plot.over.addEventListener("dblclick", () => show(...whole));
-      this.plot.over.addEventListener("wheel", (event) => {
-        if (!event.ctrlKey) return;
-        event.preventDefault();
-        const at = this.plot.posToVal(event.offsetX, "x");
-        this.zoom(event.deltaY > 0 ? 1.25 : 0.8, at);
-      }, { passive: false });
+      hearPointer(this.plot, axis, () => view, (time) => cursors.place(time), () => cursors.back());
       this.tools();
       this.legend();
       this.tell();
@@ -189,32 +206,26 @@
       this.create();
     }
 
-    // Choices of this plot: its axis, and curves apart from each other.
+    // Choices of this plot, of which one holds: a linear axis, one for a spike, or curves apart from each other.
     tools() {
+      if (this.note) return;
       const box = this.figure.querySelector(".tools");
       const { spec } = this;
-      if (!this.note) {
-        this.note = document.createElement("span");
-        this.note.className = "hint";
-        box.append(this.note);
-        const toggle = (text, title, isPressed, does) => {
-          const button = document.createElement("button");
-          button.type = "button";
-          button.title = title;
-          button.textContent = text;
-          button.setAttribute("aria-pressed", String(isPressed));
-          button.addEventListener("click", () => {
-            button.setAttribute("aria-pressed", String(does()));
-            this.again();
-          });
-          box.append(button);
-        };
-        if (!spec.log) toggle("symmetric log", "Linear for usual values and logarithmic beyond them, so that a spike leaves room for the rest", this.linear > 0, () => {
-          this.linear = this.linear ? 0 : this.usual || this.threshold();
-          return this.linear > 0;
+      this.note = make("span", "", { class: "hint" });
+      box.append(this.note);
+      const buttons = new Map();
+      const toggle = (form, text, title) => {
+        const button = make("button", text, { type: "button", title, "aria-pressed": String(this.form === form) });
+        button.addEventListener("click", () => {
+          this.form = this.form === form ? "linear" : form;
+          for (const [name, one] of buttons) one.setAttribute("aria-pressed", String(this.form === name));
+          this.again();
         });
-        if (!spec.log && this.series.length > 1) toggle("offset", "Draws the curves above each other", false, () => (this.isOffset = !this.isOffset));
-      }
+        buttons.set(form, button);
+        box.append(button);
+      };
+      if (!spec.log) toggle("symmetric", "symmetric log", "Linear for usual values and logarithmic beyond them, so that a spike leaves room for the rest");
+      if (!spec.log && this.series.length > 1) toggle("offset", "offset", "Draws the curves above each other, on a linear axis");
     }
 
     // Where a logarithmic part begins that the user asks for: a tenth of what is seen.
@@ -228,35 +239,22 @@
       if (!this.note || !this.plot) return;
       const { y } = this.plot.scales;
       const form = formOf(this.spec, y.min, y.max);
-      const text = this.isOffset ? `Curves ${shownIn(this.apart, this.spec)} apart; limits are not shown`
+      const text = this.form === "offset" ? `Curves ${shownIn(this.apart, this.spec)} apart; limits are not shown`
         : this.symmetric ? `Linear to ±${shownIn(this.linear, this.spec)}, logarithmic beyond` : form.note;
       if (this.note.textContent !== text) this.note.textContent = text;
     }
 
     // How much a curve is raised.
     raised(nth) {
-      return this.isOffset ? nth * this.apart : 0;
+      return this.form === "offset" ? this.series.slice(0, nth).filter((one) => one.isShown).length * this.apart : 0;
     }
 
     // The range of what is to be seen, levels included where they are near.
     range() {
       const { spec } = this;
-      if (this.isOffset) return this.rangeApart();
-      const from = Math.max(0, bucketOf(view[0]));
-      const to = bucketOf(view[1]);
-      let min = Infinity;
-      let max = -Infinity;
-      for (const { values, isShown } of this.series) {
-        if (!isShown) continue;
-        for (let i = from; i <= to; i++) {
-          let low = values.least[i];
-          let high = values.greatest[i];
-          if (low !== low) continue;
-          if (spec.log) [low, high] = magnitudes(low, high);
-          if (low < min && Number.isFinite(low) && (low > 0 || !spec.log)) min = low;
-          if (high > max && Number.isFinite(high)) max = high;
-        }
-      }
+      if (this.form === "offset") return this.rangeApart();
+      let [min, max] = [Infinity, -Infinity];
+      for (const { values, isShown } of this.series) if (isShown) [min, max] = reachOf(values, { ...inView(), isLog: spec.log }, [min, max]);
       const levels = levelsOf(spec, view);
       if (min > max) return spec.log ? [0.1, 1] : [0, 1];
       if (this.symmetric) {
@@ -277,10 +275,8 @@
 
     // With curves above each other, by more than the highest of them.
     rangeApart() {
-      const [from, to] = [bucketOf(view[0]), bucketOf(view[1])];
-      const ends = this.series.map(({ values }) => {
-        let [min, max] = [Infinity, -Infinity];
-        for (let i = from; i <= to; i++) if (Number.isFinite(values.least[i]) && Number.isFinite(values.greatest[i])) [min, max] = [Math.min(min, values.least[i]), Math.max(max, values.greatest[i])];
+      const ends = this.series.map(({ values, isShown }) => {
+        const [min, max] = isShown ? reachOf(values, inView()) : [0, 0];
         return min > max ? [0, 0] : [min, max];
       });
       const highest = Math.max(...ends.map(([min, max]) => max - min));
@@ -291,116 +287,39 @@
       return [low - room, high + room];
     }
 
-    // Through the least and the greatest value of each bucket, the nearer one first.
-    path(u, { values, period }, from, to, raised = 0) {
-      const stroke = new Path2D();
-      const { least, greatest } = values;
-      const { left, width } = u.bbox;
-      const scale = width / (view[1] - view[0]);
-      const floor = u.scales.y.min;
-      const isLog = this.spec.log;
-      const ceiling = u.scales.y.max;
-      const room = ceiling - floor;
-      // What is far beyond what is seen, infinite even, is drawn to the edge.
-      const y = (value) => u.valToPos(isLog ? Math.min(Math.max(value, floor), ceiling * 10) : Math.min(Math.max(value, floor - room), ceiling + room), "y", true);
-      let isDown = false;
-      let lastTime = -Infinity;
-      let last = 0;
-      for (let i = Math.max(0, from - 1); i <= Math.min(buckets - 1, to + 1); i++) {
-        let low = least[i] + raised;
-        let high = greatest[i] + raised;
-        if (low !== low) continue;
-        if (isLog) [low, high] = magnitudes(low, high);
-        // A run of a lower rate has no step in many a bucket; that is no gap.
-        const gap = i > 0 ? Math.max(1.5 * period, 1.01 * (start[i] - start[i - 1]) + period) : 0;
-        if (start[i] - lastTime > gap) isDown = false;
-        const x = left + (start[i] - view[0]) * scale;
-        const isRising = Math.abs(last - low) <= Math.abs(last - high);
-        const [first, second] = isRising ? [low, high] : [high, low];
-        if (isDown) stroke.lineTo(x, y(first));
-        else stroke.moveTo(x, y(first));
-        // At the bucket's last step: what only rises or falls in it is drawn as it was.
-        const end = i + 1 < buckets ? start[i + 1] - period : start[i];
-        if (first !== second) stroke.lineTo(left + (Math.max(end, start[i]) - view[0]) * scale, y(second));
-        else if (!isDown) stroke.lineTo(x + 0.01, y(first));
-        isDown = true;
-        last = second;
-        lastTime = start[i];
-      }
-      return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+    course(u, { values, period }, from, to, raised) {
+      const begin = (nth) => start[nth];
+      // At the bucket's last step: what only rises or falls in it is drawn as it was.
+      const end = (nth) => Math.max((start[nth + 1] ?? 0) - period, start[nth]);
+      // A run of a lower rate has no step in many a bucket; that is no gap.
+      const isApart = (nth, before) => start[nth] - start[before] > Math.max(1.5 * period, 1.01 * (start[nth] - start[nth - 1]) + period);
+      const part = { from: Math.max(0, from - 1), to: Math.min(buckets - 1, to + 1), slot, begin, end, isApart, isLog: this.spec.log, forward: this.symmetric?.fwd, raised };
+      return courseOf(u, values, part);
     }
 
-    // Times in which faults act, where another controller took over, and notes; their names stand above the plot.
-    shade(u) {
+    // Names of events, above the plot.
+    names(u) {
       const { ctx, bbox } = u;
       const ratio = devicePixelRatio;
-      const names = [];
-      within(u, (_, { left, top, width, height }) => {
-        const seen = new Set();
-        for (const run of data.runs) {
-          for (const fault of [...run.faults, ...run.changes, ...run.marks]) {
-            const key = `${fault.label} ${fault.from_s} ${fault.until_s}`;
-            if (seen.has(key)) continue;
-            seen.add(key);
-            const from = u.valToPos(fault.from_s, "x", true);
-            const to = u.valToPos(fault.until_s ?? whole[1], "x", true);
-            if (to < left || from > left + width) continue;
-            ctx.fillStyle = ink.fault;
-            ctx.fillRect(from, top, Math.max(to - from, ratio), height);
-            ctx.fillStyle = run.faults.includes(fault) ? ink.edge : ink.text;
-            ctx.fillRect(from, top, ratio, height);
-            names.push([fault.label, Math.max(from, left)]);
-          }
-        }
-      });
       ctx.save();
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
       Object.assign(ctx, { textBaseline: "bottom", textAlign: "left", fillStyle: ink.text });
-      const high = 13 * ratio;
-      const taken = [];
-      for (const [text, from] of names) {
-        const wide = ctx.measureText(text).width;
-        const at = Math.max(0, Math.min(from, u.ctx.canvas.width - wide - 2 * ratio));
-        for (let row = 0; row < namedRows; row++) {
-          const box = { left: at, right: at + wide + 6 * ratio, row };
-          if (taken.some((one) => one.row === row && one.right > box.left && one.left < box.right)) continue;
-          taken.push(box);
-          ctx.fillText(text, at, bbox.top - 2 * ratio - row * high);
-          break;
-        }
-      }
+      const right = bbox.left + bbox.width;
+      const at = (one) => u.valToPos(one.from_s, "x", true);
+      const seen = events.filter((one) => at(one) <= right && u.valToPos(one.until_s ?? whole[1], "x", true) >= bbox.left);
+      for (const { label, left, row } of placeNames(ctx, seen, [bbox.left, u.ctx.canvas.width - 2 * ratio], namedRows, at)) ctx.fillText(label, left, bbox.top - (2 + 13 * row) * ratio);
       ctx.restore();
     }
 
     // Level lines, limits of requirements, and where their margins come from.
     judge(u) {
       const { spec } = this;
-      if (this.isOffset) return;
+      if (this.form === "offset") return;
+      drawLevels(u, spec, spec.log, ink);
       within(u, (ctx, { left, top, width, height }, ratio) => {
         ctx.lineWidth = 1.25 * ratio;
         const y = (value) => u.valToPos(value, "y", true);
         const x = (value) => u.valToPos(value, "x", true);
-        ctx.strokeStyle = ink.text;
-        ctx.setLineDash([2 * ratio, 4 * ratio]);
-        for (const level of spec.lines) {
-          ctx.beginPath();
-          ctx.moveTo(left, y(level));
-          ctx.lineTo(left + width, y(level));
-          ctx.stroke();
-        }
-        ctx.strokeStyle = ctx.fillStyle = ink.limit;
-        ctx.setLineDash([6 * ratio, 3 * ratio]);
-        for (const limit of spec.limits) {
-          if (spec.log && limit.level <= 0) continue;
-          const from = Math.max(x(limit.from_s), left);
-          const to = Math.min(x(limit.until_s), left + width);
-          const at = y(limit.level);
-          ctx.beginPath();
-          ctx.moveTo(from, at);
-          ctx.lineTo(Math.max(to, from + 4 * ratio), at);
-          ctx.stroke();
-        }
-        ctx.setLineDash([]);
         for (const mark of spec.marks) {
           const at = x(mark.at_s);
           if (at < left || at > left + width) continue;
@@ -429,84 +348,31 @@
       });
     }
 
-    select(u) {
-      if (u.select.width < 4) return;
-      const from = u.posToVal(u.select.left, "x");
-      const to = u.posToVal(u.select.left + u.select.width, "x");
-      u.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
-      show(from, to);
-    }
-
     legend() {
       const box = this.figure.querySelector(".legend");
       box.textContent = "";
-      this.time = document.createElement("span");
-      this.time.className = "value";
-      this.series.forEach((one, index) => {
-        const button = document.createElement("button");
-        button.type = "button";
-        button.setAttribute("aria-pressed", String(one.isShown));
-        one.shownValue = document.createElement("span");
-        one.shownValue.className = "value";
-        const name = document.createElement("code");
-        name.textContent = one.name;
-        button.append(lineOf(24, one.dash, one.colour % 8), one.label + " ", ...(one.label === one.name ? [] : [name, " "]), one.shownValue);
-        if (!one.isShown) this.plot.setSeries(index + 1, { show: false });
-        button.addEventListener("click", () => {
-          one.isShown = !one.isShown;
-          button.setAttribute("aria-pressed", String(one.isShown));
-          this.plot.setSeries(index + 1, { show: one.isShown });
-          this.redraw();
-        });
-        box.append(button);
-      });
+      this.time = make("span", "", { class: "value" });
+      this.series.forEach((one, index) => box.append(legendButton(one, 24, [one.label, ...(one.label === one.name ? [] : [" ", make("code", one.name)])], (isShown) => {
+        this.plot.setSeries(index + 1, { show: isShown });
+        this.redraw();
+      })));
       for (const [level, names] of limitsOf(this.spec)) {
-        const limit = document.createElement("span");
-        limit.className = "limit";
-        limit.append(lineOf(24, [6, 3], "limit"), `limit ${level}: `, [...names].join(", "));
+        const limit = make("span", lineOf(24, [6, 3], "limit"), { class: "limit" });
+        limit.append(`limit ${level}: `, [...names].join(", "));
         box.append(limit);
       }
       for (const name of this.spec.missing) box.append(`${name}: no value`);
       box.append(this.time);
     }
 
-    // Shows the values at the cursor.
-    read(bucket) {
-      const isThere = bucket !== null && bucket !== undefined;
-      if (this.time) this.time.textContent = isThere ? `at ${seconds(start[bucket])} s` : "";
-      for (const one of this.series) {
-        if (!one.shownValue) continue;
-        const low = isThere ? one.values.least[bucket] : NaN;
-        const high = isThere ? one.values.greatest[bucket] : NaN;
-        one.shownValue.textContent = low !== low ? "" : low === high ? shownIn(low, this.spec) : `${shownIn(low, this.spec)} to ${shownIn(high, this.spec)}`;
-      }
-    }
-
-    zoom(factor, at = (view[0] + view[1]) / 2) {
-      show(at - (at - view[0]) * factor, at + (view[1] - at) * factor);
-    }
-
-    moveCursor(by) {
+    // The values under the pointer or, without one, at cursor A.
+    read() {
       const u = this.plot;
-      const now = u.cursor.idx ?? bucketOf((view[0] + view[1]) / 2);
-      const next = Math.min(Math.max(now + by, 0), buckets - 1);
-      u.setCursor({ left: u.valToPos(start[next], "x"), top: 10 });
-      this.read(next);
-      const values = this.series.filter((one) => one.isShown).map((one) => `${one.label} ${one.shownValue.textContent}`);
-      status.textContent = `${number(start[next])} s: ${values.join(", ")}`;
-    }
-
-    key(event) {
-      if (event.target !== this.figure || event.ctrlKey || event.metaKey || event.altKey) return;
-      const step = (view[1] - view[0]) / 10;
-      const actions = {
-        ArrowLeft: () => (event.shiftKey ? this.moveCursor(-1) : show(view[0] - step, view[1] - step)),
-        ArrowRight: () => (event.shiftKey ? this.moveCursor(1) : show(view[0] + step, view[1] + step)),
-        "+": () => this.zoom(0.5), "=": () => this.zoom(0.5), "-": () => this.zoom(2), 0: () => show(...whole),
-      };
-      if (!actions[event.key]) return;
-      event.preventDefault();
-      actions[event.key]();
+      if (!this.time) return;
+      const bucket = u.cursor.left >= 0 ? u.cursor.idx : cursors.steps[0] === null ? null : bucketOfStep(cursors.steps[0]);
+      const isThere = bucket !== null && bucket !== undefined;
+      write(this.time, isThere ? `at ${seconds(start[bucket])} s` : "");
+      for (const one of this.series) write(one.shownValue, isThere ? reachShown(one.values.least[bucket], one.values.greatest[bucket], this.spec) : "");
     }
 
     follow() {
@@ -551,10 +417,7 @@
         width: Math.max(280, box.clientWidth), height: 220, legend: { show: false }, cursor: { show: false },
         scales: { x: { time: false, distr: 3, range: () => [edges[0] / 1.1, edges[edges.length - 1] * 1.1] }, y: { distr: 3, range: () => [0.5, most * 2] } },
         axes: [["ns", 28, "Duration"], ["", valueAxis]].map(([unit, size, label]) => ({ ...axisOf(() => ink, size), ...(label && { ...timeLabels, label }), ...logLabels(unit) })),
-        series: [{}, ...runs.map(({ number }) => ({
-          stroke: () => ink.series[number % 8], width: 1.5, points: { show: false },
-          paths: (u, index) => steps(u, edges, counts[index - 1]),
-        }))],
+        series: seriesOf(runs.map(({ number }) => ({ isShown: true, colour: number, dash: [] })), () => ink, (u, _, place) => steps(u, edges, counts[place])),
       }, [edges, ...counts], box);
       this.figure.dataset.drawn = "true";
       root.dataset.plots = String(document.querySelectorAll("[data-drawn]").length);
@@ -583,28 +446,12 @@
       const to = u.valToPos(edges[i + 1], "x", true);
       stroke.rect(from, y(counts[i]), to - from, floor - y(counts[i]));
     }
-    return { stroke, fill: null, clip: null, band: null, gaps: null, flags: 0 };
+    return stroke;
   };
-  const swatch = (run) => {
-    const box = document.createElement("span");
-    box.className = "swatch";
-    box.dataset.run = run;
-    return box;
-  };
+  const swatch = (run) => make("span", undefined, { class: "swatch", "data-run": run });
   const figureOf = (title, parent) => {
-    const figure = document.createElement("figure");
-    figure.className = "plot";
-    figure.tabIndex = 0;
-    figure.setAttribute("aria-label", "Plot: " + title);
-    const caption = document.createElement("figcaption");
-    caption.textContent = title;
-    const canvas = document.createElement("div");
-    canvas.className = "canvas";
-    const legend = document.createElement("div");
-    legend.className = "legend";
-    const tools = document.createElement("div");
-    tools.className = "tools";
-    figure.append(caption, tools, canvas, legend);
+    const figure = make("figure", make("figcaption", title), { class: "plot", tabindex: 0, role: "group", "aria-label": "Plot: " + title });
+    for (const name of ["tools", "canvas", "legend"]) figure.append(make("div", undefined, { class: name }));
     parent.append(figure);
     return figure;
   };
@@ -613,6 +460,124 @@
     let largest = 0;
     for (const values of [least, greatest]) for (const value of values) if (Number.isFinite(value) && Math.abs(value) > largest) largest = Math.abs(value);
     return largest;
+  };
+
+  // ---- Cursors ----
+
+  // A cursor stands on the first step of a bucket, of which near faults and margins each has a single step.
+  const bucketOfStep = (step) => bucketOf((step + 0.25) * period);
+  const stepOfBucket = (bucket) => Math.round(start[Math.min(Math.max(bucket, 0), buckets - 1)] / period);
+  const cursors = cursorsOf({ period: () => period, changed: () => measure(), next: (step, by) => stepOfBucket(bucketOfStep(step) + by) });
+  // The last step of a bucket.
+  const lastOf = (bucket) => Math.round((bucket + 1 < buckets ? start[bucket + 1] / period - 1 : data.end_s / period));
+  const bucketsBetween = () => cursors.ends().map(bucketOfStep);
+  const span = () => [cursors.ends()[0], lastOf(bucketsBetween()[1])];
+  // Of several runs, how far each is from the first.
+  let firsts = new Map();
+  const fromFirst = (names, at) => (isOverlaid ? names.map((name) => [`${name} less ${data.runs[0].label}`, (row) => (row.run ? less(at(row, name), at(firsts.get(row.name), name)) : null)]) : []);
+  const drawer = drawerOf({ cursors, period: () => period, scenario: () => document.title, more: fromFirst, span, digits: 9 });
+  // The value in a bucket, or between which values it is; of a run of a lower rate its last one.
+  const valueIn = ({ least, greatest, is_double }, bucket, run) => {
+    while (bucket > 0 && !(least[bucket] === least[bucket]) && start[bucket - 1] > start[bucket] - data.runs[run].period_s) bucket--;
+    const [low, high] = [least, greatest].map((values) => rounded(values[bucket], is_double ? 17 : 8));
+    return low !== low ? null : low === high ? low : [low, high];
+  };
+  // What the buckets know of a signal from the one of a cursor to the one of the other: nothing in it is estimated.
+  const figuresOf = (name, run) => {
+    const values = signalOf(run, name);
+    if (!values) return null;
+    if (!values.mean) Object.assign(values, withMeans(values, values.sums));
+    const [first, last] = bucketsBetween();
+    let [count, sum, squares] = [0, 0, 0];
+    for (let i = first; i <= last; i++) {
+      const many = values.counts[i];
+      if (!many) continue;
+      count += many;
+      sum += many * values.mean[i];
+      squares += many * values.square[i];
+    }
+    let [least, greatest] = reachOf(values, { from: first, to: last, slot });
+    // Single precision may have rounded them inwards.
+    const room = values.is_double ? 0 : 2 ** -23;
+    [least, greatest] = count ? [least - room * Math.abs(least), greatest + room * Math.abs(greatest)].map((end) => rounded(end, 9)) : [null, null];
+    const [mean, rms] = count ? [sum / count, Math.sqrt(squares / count)].map((value) => rounded(value, 7)) : [null, null];
+    const why = whyUnnamed(name) || (count ? "" : "it has no value between the cursors");
+    const title = isOverlaid ? `${data.runs[run].label}: ${name}` : name;
+    return { name, title, run, unit: unitOfSignal(name), at: [valueIn(values, first, run), valueIn(values, last, run)], mean, rms, least, greatest, count, why };
+  };
+  // Which of it is exact.
+  const basis = () => {
+    const [first, last] = bucketsBetween();
+    const [from, to] = span();
+    const parts = first === last ? [] : [`mean, RMS and peak to peak from every step from ${seconds(from * period)} s to ${seconds(to * period)} s (${to - from + 1})`];
+    const wide = [...new Set([first, last])].filter((bucket) => lastOf(bucket) > stepOfBucket(bucket)).map((bucket) => `the ${lastOf(bucket) - stepOfBucket(bucket) + 1} steps from ${seconds(start[bucket])} s`);
+    if (wide.length) parts.push(`the report has the least and the greatest of ${wide.join(" and of ")}, hil panel RUN each of them`);
+    return (parts.join("; ") || "the values of this step") + "; seven digits";
+  };
+  // Signals of the plots in sight first, then those of the others.
+  const measure = () => {
+    drawer.show();
+    for (const plot of plots) plot.plot?.redraw(false, false);
+    for (const plot of plots) plot.read?.();
+    if (!cursors.ends()) return void delete root.dataset.measured;
+    const order = plots.filter((one) => one.series).sort((a, b) => b.isVisible - a.isVisible);
+    const names = [...new Set(order.flatMap((one) => one.spec.signals))].slice(0, 64);
+    const rows = names.flatMap((name) => data.runs.map((_, run) => figuresOf(name, run)).filter((one) => one));
+    firsts = new Map(rows.filter((row) => row.run === 0).map((row) => [row.name, row]));
+    drawer.list(rows, basis());
+    root.dataset.measured = span().join(" ");
+  };
+
+  // ---- Everything by its name ----
+
+  const goTo = (figure) => {
+    if (!figure) return;
+    figure.scrollIntoView({ block: "center" });
+    figure.focus({ preventScroll: true });
+  };
+  const lookAt = (time, before, behind) => axis.go(time - before * (whole[1] - whole[0]), time + behind * (whole[1] - whole[0]));
+  const goToRequirement = ({ requirement, run, at }) => {
+    lookAt(Number(at), 0.01, 0.01);
+    goTo(byId("plot-" + data.plots.findIndex((plot) => plot.marks.some((mark) => mark.requirement === requirement && mark.run === Number(run)))));
+  };
+  const addSignals = (signals, unit) => {
+    const largest = signals.flatMap((name) => data.runs.map((_, run) => signalOf(run, name))).reduce((most, one) => (one ? Math.max(most, largestOf(one)) : most), 0);
+    const display = shownUnit(unit, largest);
+    const figure = figureOf(signals.join(", ") + unitOf(display.unit), byId("added"));
+    add(figure, new TimePlot(figure, { title: "", unit, shown: display, words: signals, log: unit === "ns", signals, missing: [], lines: [], limits: [], marks: [] }));
+    if (cursors.ends()) measure();
+    return figure;
+  };
+  const entries = () => {
+    const list = [];
+    const add = (kind, name, detail, does) => list.push({ kind, name, detail, does });
+    for (const [figure, plot] of byFigure) add("plot", figure.querySelector("figcaption").textContent.trim(), plot.spec?.title ?? "", () => goTo(figure));
+    for (const choice of choices) add("signal", choice.value, unitOfSignal(choice.value), () => goTo(addSignals([choice.value], unitOfSignal(choice.value))));
+    for (const one of events) list.push({ kind: one.kind, rank: "mark", name: one.label, detail: `${seconds(one.from_s)} s`, does: () => lookAt(one.from_s, 0.01, 0.05) });
+    const judged = new Map([...document.querySelectorAll("[data-requirement]")].map(({ dataset }) => [dataset.requirement + dataset.run, dataset]));
+    for (const one of judged.values()) add("requirement", one.requirement, isOverlaid ? data.runs[one.run].label : `${seconds(Number(one.at))} s`, () => goToRequirement(one));
+    for (const heading of document.querySelectorAll("main section[id] > h2")) add("section", heading.textContent, "", () => heading.scrollIntoView());
+    add("action", "Whole run", "Home", () => axis.all());
+    add("action", "Clear the cursors", "c", () => cursors.clear());
+    add("action", "Where does a formula hold", "hil panel RUN", () => tell("hil panel RUN searches the recording for a formula, at every step"));
+    add("action", "Light or dark", "", () => byId("theme").click());
+    return list;
+  };
+  const palette = paletteOf(entries);
+  // Keys of the plots, while one of them has the focus or the pointer.
+  const hearKey = (event) => {
+    const { target, key } = event;
+    if ((event.ctrlKey || event.metaKey) && !event.altKey && key.toLowerCase() === "k") {
+      event.preventDefault();
+      return palette.open();
+    }
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || target.closest?.("input, select, textarea, dialog")) return;
+    const isOver = plots.some((one) => one.plot?.cursor.left >= 0);
+    if (!target.closest?.("figure.plot, #measure") && !isOver) return;
+    const keys = { ...keysOfAxis(axis, event), ...keysOfCursors(cursors, () => timeAtHand(plots, view)) };
+    if (!keys[key]) return;
+    event.preventDefault();
+    keys[key]();
   };
 
   // ---- The page ----
@@ -651,10 +616,13 @@
   };
 
   watchScroll();
+  watchStatus();
   setTheme(wantsDark.matches);
   wantsDark.addEventListener("change", (event) => setTheme(event.matches));
   byId("theme").addEventListener("click", () => setTheme(root.dataset.theme !== "dark"));
-  byId("whole").addEventListener("click", () => show(...whole));
+  addEventListener("keydown", hearKey);
+  byId("find").addEventListener("click", () => palette.open());
+  showRange();
 
   for (const figure of document.querySelectorAll("figure[data-plot]")) add(figure, new TimePlot(figure, data.plots[figure.dataset.plot]));
   const histograms = byId("histograms");
@@ -664,23 +632,8 @@
     add(figure, new Histogram(figure, leg));
   }
 
-  for (const button of document.querySelectorAll("[data-jump]")) {
-    const at = Number(button.dataset.jump);
-    const length = whole[1] - whole[0];
-    button.addEventListener("click", () => show(at - 0.01 * length, at + 0.05 * length));
-  }
-  for (const button of document.querySelectorAll("[data-requirement]")) {
-    const { requirement, run, at } = button.dataset;
-    button.addEventListener("click", () => {
-      const found = data.plots.findIndex((plot) => plot.marks.some((mark) => mark.requirement === requirement && mark.run === Number(run)));
-      const length = (whole[1] - whole[0]) / 100;
-      show(Number(at) - length, Number(at) + length);
-      const figure = byId("plot-" + found);
-      if (!figure) return;
-      figure.scrollIntoView({ block: "center" });
-      figure.focus({ preventScroll: true });
-    });
-  }
+  for (const button of document.querySelectorAll("[data-jump]")) button.addEventListener("click", () => lookAt(Number(button.dataset.jump), 0.01, 0.05));
+  for (const button of document.querySelectorAll("[data-requirement]")) button.addEventListener("click", () => goToRequirement(button.dataset));
 
   const filter = byId("filter");
   const choices = [...document.querySelectorAll("input[name=signal]")];
@@ -692,13 +645,7 @@
   byId("plot").addEventListener("click", () => {
     const chosen = choices.filter((choice) => choice.checked);
     const units = [...new Set(chosen.map((choice) => unitOfSignal(choice.value)))];
-    for (const unit of units) {
-      const signals = chosen.map((choice) => choice.value).filter((name) => unitOfSignal(name) === unit);
-      const largest = signals.flatMap((name) => data.runs.map((_, run) => signalOf(run, name))).reduce((most, one) => (one ? Math.max(most, largestOf(one)) : most), 0);
-      const display = shownUnit(unit, largest);
-      const figure = figureOf(signals.join(", ") + unitOf(display.unit), byId("added"));
-      add(figure, new TimePlot(figure, { title: "", unit, shown: display, words: signals, log: unit === "ns", signals, missing: [], lines: [], limits: [], marks: [] }));
-    }
+    for (const unit of units) addSignals(chosen.map((choice) => choice.value).filter((name) => unitOfSignal(name) === unit), unit);
     for (const choice of chosen) choice.checked = false;
   });
 

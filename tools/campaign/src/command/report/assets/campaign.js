@@ -99,14 +99,14 @@
     for (let n = Math.ceil(lo / step); n * step <= hi * (1 + 1e-12) && found.length < 50; n++) found.push(rounded(n * step, 12));
     return found;
   };
-  // Rising values with as many digits as tell them apart.
-  const labelled = (values, size = 1) => {
-    const step = Math.min(...values.slice(1).map((value, before) => value - values[before]));
-    const digits = (value) => Math.max(5, 1 + Math.ceil(Math.log10(Math.abs(value) / step)));
-    return values.map((value) => [value, number(rounded(value / size, 12), digits(value))]);
+  // Rising values, written as the ticks of every page.
+  const labelled = (values, power = 0) => {
+    const step = values.slice(1).reduce((least, value, before) => Math.min(least, value - values[before]), Infinity);
+    const texts = ticks(values, Number.isFinite(step) ? step : Math.abs(values[0]), { power });
+    return values.map((value, place) => [value, texts[place]]);
   };
   const ticksOf = (column, most) => {
-    if (!column.texts) return labelled(column.list || roundValues(column.lo, column.hi, most), column.size);
+    if (!column.texts) return labelled(column.list || roundValues(column.lo, column.hi, most), column.shown?.power);
     const every = Math.ceil(column.texts.length / Math.max(most, 1));
     return column.texts.map((text, place) => [place, text.length > 9 ? text.slice(0, 8) + "…" : text]).filter(([place]) => place % every === 0);
   };
@@ -490,8 +490,8 @@
     const worst = envelopes.worst.map((one) => ({ ...one, curve: read(one.signals[place]) }));
     const largest = perVariant.reduce((most, curves) => curves.reduce((most, value) => (Number.isFinite(value) ? Math.max(most, Math.abs(value)) : most), most), 0);
     const display = shownUnit(unit, largest);
-    const label = name + unitOf(display.unit);
-    return { label, size: 10 ** display.power, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
+    const label = envelopes.words[place] + unitOf(display.unit);
+    return { label, name, power: display.power, spec: { unit, shown: display }, perVariant, worst, all: scaleOf(perVariant, envelopes.bins), each: perVariant.map((one) => scaleOf([one], envelopes.bins)) };
   });
   // A range that a few far values do not stretch.
   const scaleOf = (curves, bins) => {
@@ -513,7 +513,7 @@
     const at = (bin) => plot.left + (plot.inner * (bin + 0.5)) / bins;
     const up = (value) => TOP + plot.tall * (1 - (value - plot.y.lo) / (plot.y.hi - plot.y.lo));
     axisBelow(plot, context);
-    axisLeft(plot, context, labelled(roundValues(plot.y.lo, plot.y.hi, plot.tall / 30), plot.size).map(([value, text]) => [up(value), text]));
+    axisLeft(plot, context, labelled(roundValues(plot.y.lo, plot.y.hi, plot.tall / 30), plot.power).map(([value, text]) => [up(value), text]));
     context.save();
     context.beginPath();
     context.rect(plot.left, TOP, plot.inner, plot.tall);
@@ -545,7 +545,15 @@
     const worst = plot.worst.find((one) => one.variant === plot.variant && one.requirement === byId("worst").value);
     if (worst) between(curve(worst.curve, 0), curve(worst.curve, 1), 0, false);
     context.restore();
-    plot.figure.firstChild.textContent = plot.caption + (worst ? `, line: case ${worst.case}` : "");
+    plot.line.textContent = worst ? `, line: case ${worst.case}` : "";
+  };
+  // What a plot shows under the pointer.
+  const readTimed = (plot, x) => {
+    const { bins, bin_s } = data.envelopes;
+    const bin = Math.min(Math.max(Math.floor(((x - plot.left) / plot.inner) * bins), 0), bins - 1);
+    const between = (low, high) => reachShown(plot.curves[low * bins + bin], plot.curves[high * bins + bin], plot.spec);
+    const all = between(0, CURVES - 1);
+    return all ? `near ${seconds((bin + 0.5) * bin_s)} s all ${all}, median ${between(3, 4)}` : "";
   };
   const addTimed = (envelopes) => {
     const names = [...new Set(envelopes.worst.map((one) => one.requirement))];
@@ -557,17 +565,22 @@
       for (const plot of plots) if (plot.scales) plot.y = plot.scales[target.checked ? 0 : 1];
       drawSeen(true);
     });
-    const x = { lo: 0, hi: envelopes.bins * envelopes.bin_s, size: 1, title: "Time [s]", range: null, isUndrawn: false };
+    const x = { lo: 0, hi: envelopes.bins * envelopes.bin_s, title: "Time [s]", range: null, isUndrawn: false };
     // Variants of a signal stand beside each other.
     const all = byId("timed");
     const below = variants > 1 ? null : make("div", undefined, all, { className: "plots" });
-    for (const { label, size, perVariant, worst, all: shared, each } of timed(envelopes)) {
-      if (!below) make("h4", label, all);
+    for (const { label, name, power, spec, perVariant, worst, all: shared, each } of timed(envelopes)) {
+      if (!below) make("code", name, make("h4", label + " ", all), { className: "name" });
       const beside = below || make("div", undefined, all, { className: "plots" });
       perVariant.forEach((curves, variant) => {
         const plot = addPlot(beside, below ? label : data.variants[variant], 170, x, shared, drawTimed, false);
         plot.canvas.ariaLabel = `${label} over time in s: ${data.variants[variant]}`;
-        Object.assign(plot, { curves, size, worst, caption: plot.figure.firstChild.textContent, variant, scales: [shared, each[variant]] });
+        const line = make("span", "", plot.figure.firstChild);
+        const reading = make("div", "", plot.figure, { className: "legend" });
+        plot.canvas.addEventListener("pointermove", ({ offsetX }) => { reading.textContent = readTimed(plot, offsetX); });
+        plot.canvas.addEventListener("pointerleave", () => { reading.textContent = ""; });
+        if (below) make("code", name, plot.figure.firstChild, { className: "name" }).before(" ");
+        Object.assign(plot, { curves, power, spec, worst, line, variant, scales: [shared, each[variant]] });
       });
     }
   };

@@ -66,6 +66,13 @@ const shownIn = (value, { unit, shown: of }, digits) => {
   const { power, unit: symbol } = of || shownUnit(unit, 1);
   return number(power ? value / 10 ** power : value, digits) + (symbol ? " " + symbol : "");
 };
+// The values between two in the unit of their plot, or "" without any.
+const reachShown = (low, high, spec) => {
+  if (isNothing(low)) return "";
+  const [from, to] = [shownIn(low, spec), shownIn(high, spec)];
+  const unit = from.indexOf(" ");
+  return from === to ? from : `${spec.unit === "ns" || unit < 0 ? from : from.slice(0, unit)} to ${to}`;
+};
 // How a linear axis writes its numbers: in the unit of its plot or, where they ripple on a large value, as what is
 // added to a round number.
 const formOf = (spec, min, max) => {
