@@ -9,8 +9,11 @@ import importlib.util
 import math
 import os
 import pathlib
+import signal
+import subprocess
 import sys
 import tempfile
+import time
 import unittest
 import warnings
 
@@ -137,7 +140,12 @@ class Environments(unittest.TestCase):
             ({"act": {"command.force_n": (5, -5)}}, "limits of `command.force_n`"),
             ({"act": ["reference.position_m"]}, "has no range"),
             ({"reward": "setles"}, "settles"),
-            ({"steps_per_action": 0}, "at least one step"),
+            ({"steps_per_action": 0}, "one step or several"),
+            ({"steps_per_action": 2.5}, "one step or several"),
+            ({"reward": None}, "reward is None"),
+            ({"act": "command.force"}, "command.force_n"),
+            ({"act": {"command.force_n": 5}}, "limits of `command.force_n` are 5; use two numbers"),
+            ({"act": {"command.force_n": (0, math.nan)}}, "limits of `command.force_n`"),
             ({"law": object}, "takes the place of the law"),
         ):
             with self.subTest(**arguments), self.assertRaisesRegex(hil.Error, text):
@@ -152,6 +160,77 @@ class Environments(unittest.TestCase):
         with self.assertRaisesRegex(hil.SessionError, "no options"):
             env.reset(options={"mass": 2})
         self.assertTrue(np.isfinite(env.step(np.float32([7.0]))[0]).all())
+
+    def test_a_reward_that_is_no_number_is_refused_by_name(self):
+        def score(session):
+            return rewards.pop()
+
+        for reward in (math.nan, None, "1.0", [1.0], np.array([1.0])):
+            rewards, env = [reward], self.env(reward=score)
+            env.reset(seed=1)
+            with self.subTest(reward), self.assertRaisesRegex(hil.SessionError, r"function `.*score` is .* at step 1"):
+                env.step([0.0])
+        rewards = [np.float32(0.5), 2, np.float64(1.5)]
+        env = self.env(reward=score)
+        env.reset(seed=1)
+        self.assertEqual([env.step([0.0])[1] for _ in range(3)], [1.5, 2.0, 0.5])
+        # A derived signal without a value: the quotient of two zeros.
+        pathlib.Path("none.toml").write_text(
+            SPRING.read_text() + '\n[[derived]]\nname = "none"\nexpression = "(truth.position_m - truth.position_m) / (truth.position_m - truth.position_m)"\n'
+        )
+        env = self.env(scenario="none.toml", reward="-none")
+        env.reset(seed=1)
+        with self.assertRaisesRegex(hil.SessionError, "the reward by the signal `none` is nan at step 1"):
+            env.step([0.0])
+
+    def test_more_changes_than_a_run_takes_are_foreseen(self):
+        values = {"run.duration_s": 20.001, "derived": [], "metrics": [], "requirements": [], "plots": []}
+        arguments = {"set": values, "act": {"reference.position_m": (0.0, 0.02)}, "reward": "truth.position_m"}
+        with self.assertRaisesRegex(hil.SessionError, "20001 steps.*10000 changes.*steps_per_action=3 or more"):
+            self.env(**arguments, steps_per_action=2)
+        # Each action is another one.
+        env, actions, is_over = self.env(**arguments, steps_per_action=3), 0, False
+        env.reset(seed=1)
+        while not is_over:
+            actions += 1
+            *_, is_over, _ = env.step([1e-6 * actions])
+        self.assertEqual(actions, 6667)
+
+    def test_environments_of_which_one_is_killed_all_end_with_its_name(self):
+        import hil.gym
+
+        act = {"command.force_n": (-5.0, 5.0)}
+        for use in ("step", "reset", "call"):
+            several = hil.gym.make_vector(3, SPRING, observe=POSITION, act=act, reward="settles")
+            several.reset(seed=1)
+            processes = list(several.processes)
+            os.kill(processes[1].pid, signal.SIGKILL)
+            calls = {"step": lambda: several.step(np.zeros((3, 1))), "reset": several.reset, "call": lambda: several.call("close")}
+            with self.subTest(use), self.assertRaisesRegex(hil.SessionError, "^environment 1 was killed by SIGKILL; all"):
+                calls[use]()
+            self.assertEqual([process.is_alive() for process in processes], [False] * 3)
+            several.close()
+            with self.assertRaisesRegex(Exception, "close"):
+                several.step(np.zeros((3, 1)))
+
+    def test_environments_end_with_a_parent_that_is_killed(self):
+        script = (
+            "import os, hil.gym\n"
+            "if __name__ == '__main__':\n"
+            f"    several = hil.gym.make_vector(2, {str(SPRING)!r}, observe={POSITION!r}, act={{'command.force_n': (-5, 5)}}, reward='settles')\n"
+            "    several.reset(seed=1)\n"
+            "    print(*(process.pid for process in several.processes), flush=True)\n"
+            "    os.kill(os.getpid(), 9)\n"
+        )
+        pathlib.Path("killed.py").write_text(script)
+        environment = {**os.environ, "PYTHONPATH": str(CLONE / "tools" / "python")}
+        killed = subprocess.run([sys.executable, "killed.py"], env=environment, stdout=subprocess.PIPE, text=True, check=False)
+        pids = [int(word) for word in killed.stdout.split()]
+        self.assertEqual((killed.returncode, len(pids)), (-signal.SIGKILL, 2))
+        deadline = time.monotonic() + 60
+        while any(pathlib.Path(f"/proc/{pid}").exists() for pid in pids):
+            self.assertLess(time.monotonic(), deadline)
+            time.sleep(0.05)
 
     def test_environments_in_processes_give_what_one_gives(self):
         import hil.gym

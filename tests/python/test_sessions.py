@@ -92,6 +92,32 @@ class Sessions(unittest.TestCase):
             session.step_to()
             self.assertEqual(session.digest, hil.run(LEAKAGE, set=values, link="in-process").digest)
 
+    def test_a_decided_requirement_has_the_bound_of_the_steps_so_far(self):
+        scenario = SPRING.read_text()
+        for name, formula in [
+            ("stays", "always(abs(truth.position_m) < 1 mm)"),
+            ("arrives", "eventually(truth.position_m > 5 mm)"),
+            ("rests", "always[4s,5s](abs(truth.velocity_mps) < 1 m/s)"),
+        ]:
+            scenario += f'\n[[requirements]]\nname = "{name}"\nformula = "{formula}"\n'
+        pathlib.Path("decided.toml").write_text(scenario)
+        with hil.Session("decided.toml") as session:
+            position = session.observe(["truth.position_m"])
+            most_m = 0.0
+            for _ in range(800):
+                session.step()
+                most_m = max(most_m, position.read()[0])
+            verdicts = session.verdicts
+            expected = {"stays": ("fail", 1e-3 - most_m), "arrives": ("pass", most_m - 5e-3), "rests": ("undecided", None)}
+            for name, (verdict, robustness) in expected.items():
+                self.assertEqual(verdicts[name].verdict, verdict)
+                if robustness is None:
+                    self.assertIsNone(verdicts[name].robustness)
+                else:
+                    self.assertAlmostEqual(verdicts[name].robustness, robustness, delta=1e-15)
+            session.step_to()
+            self.assertEqual(dict(session.verdicts), dict(hil.run("decided.toml", link="in-process").verdicts))
+
     # Interventions.
 
     def test_live_faults_and_changes_become_a_scenario_with_the_same_digest(self):

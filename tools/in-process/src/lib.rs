@@ -9,7 +9,7 @@ use std::sync::{Arc, LazyLock};
 
 use controller_process::controller::LawKind;
 use controller_process::job::Job as ControllerJob;
-use controller_process::runner::{Runner, choose};
+use controller_process::runner::{End, Runner, choose};
 use hil_session::waiter::Waiter;
 use plant_process::engine::{Engine, Progress};
 use plant_process::faults::{FaultBuilder, FaultKindEntry};
@@ -20,10 +20,12 @@ use plant_process::request_queue::RequestQueue;
 use shared_types::describe::Invalid;
 use shared_types::link::LinkError;
 use shared_types::link::in_process::{InProcessLink, pair};
-use shared_types::lockstep::{ControllerEvent, PlantEvent};
+use shared_types::lockstep::{Abort, ControllerEvent, PlantEvent};
 use shared_types::record::RunEnd;
+use shared_types::side::Side;
 use shared_types::state::State;
 use shared_types::stream::RecordSink;
+use shared_types::time::Step;
 
 /// Plants that are built into `hil`.
 pub static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
@@ -169,6 +171,27 @@ impl<'a> Turns<'a> {
     #[must_use]
     pub const fn end(&self) -> Option<&RunEnd> {
         self.engine.end()
+    }
+
+    /// Returns the reason for the end of the run, if there is one: that of the controller itself where the plant knows
+    /// only that the controller gave up.
+    #[must_use]
+    pub fn reason(&self) -> Option<&str> {
+        let end = self.end()?;
+        let reason = end.reason.as_deref()?;
+        let Some(End::Aborted(abort @ Abort::Failed(own))) = self.runner.end() else {
+            return Some(reason);
+        };
+        let known = Abort::ByPeer {
+            peer: Side::Controller.name(),
+            at: Step(end.steps),
+            code: abort.code(),
+        };
+        Some(if reason == known.to_string() {
+            own
+        } else {
+            reason
+        })
     }
 
     /// Returns the state of plant and controller in a run that is held before a step.

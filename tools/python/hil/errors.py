@@ -10,7 +10,7 @@
     +-- RecordingError           a file is not a recording of a run, or a damaged one
     +-- UnknownSignal            a run or session has no signal of that name; also a KeyError
     +-- DeclarationError         a class is no sound plant or law; also a TypeError
-    +-- Diverged                 raised by a plant or a law whose equations have left their range
+    +-- Diverged                 raised by a plant whose equations have left their range
 
 A failed requirement is a result and no exception.
 """
@@ -103,7 +103,7 @@ class DeclarationError(Error, TypeError):
 
 
 class Diverged(Error):
-    """Raised by a plant or a law: the run ends as diverged, with this reason."""
+    """Raised by a plant: the run ends as diverged, with this reason. Raised by a law, it is an exception like any other."""
 
 
 def _restore(kind: type[UnknownSignal], name: str, nearest: List[str], text: str) -> UnknownSignal:

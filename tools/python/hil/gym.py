@@ -17,9 +17,11 @@ from __future__ import annotations
 import math
 import os
 from functools import partial
+from multiprocessing.connection import wait
+from numbers import Real
 from typing import TYPE_CHECKING, Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple, Union
 
-from .errors import ProgramError, SessionError, UnknownSignal
+from .errors import ProgramError, SessionError, UnknownSignal, end_in_words
 from .native import native
 from .session import Session
 
@@ -41,6 +43,8 @@ Reward = Union[str, Callable[[Session], float]]
 _TUNED = ("reference.", "controller.", "plant.", "inputs.")
 #: Number of values that a generator of numpy can give and `run.seed` can take.
 _SEEDS = 2**31
+#: A process whose pipe has ended is over within this time.
+_END_LIMIT_S = 5.0
 
 
 class Env(gymnasium.Env[Values, Values]):
@@ -72,8 +76,9 @@ class Env(gymnasium.Env[Values, Values]):
         plant: Optional[type] = None,
         law: Optional[type] = None,
     ) -> None:
-        if steps_per_action < 1:
-            raise SessionError(f"steps_per_action is {steps_per_action}; an action takes at least one step")
+        if not isinstance(steps_per_action, int) or steps_per_action < 1:
+            raise SessionError(f"steps_per_action is {steps_per_action!r}; an action takes one step or several")
+        act = [act] if isinstance(act, str) else act
         names = list(act)
         if not names:
             raise SessionError("act is empty; name at least one value that the agent chooses")
@@ -100,6 +105,7 @@ class Env(gymnasium.Env[Values, Values]):
             self._observer = self._observation._native
             self._set_reward(reward)
             self._set_actions(names, commands, tuned, act if isinstance(act, Mapping) else {})
+            self._refuse_too_many_changes(tuned)
         except BaseException:
             self.session.close()
             raise
@@ -113,7 +119,10 @@ class Env(gymnasium.Env[Values, Values]):
         self._reward: Optional[Callable[[Session], float]] = None
         if callable(reward):
             self._reward = reward
+            self._reward_name = f"function `{getattr(reward, '__qualname__', type(reward).__name__)}`"
             return
+        if not isinstance(reward, str):
+            raise SessionError(f"reward is {reward!r}; use the name of a requirement or a signal, or a function")
         name = reward[1:] if reward.startswith("-") else reward
         self._sign = -1.0 if reward.startswith("-") else 1.0
         requirements = list(self.session.verdicts)
@@ -121,6 +130,7 @@ class Env(gymnasium.Env[Values, Values]):
             self._requirement = requirements.index(name)
         elif name in self.session:
             self._reward = lambda session: session[name]
+            self._reward_name = f"signal `{name}`"
         else:
             known = [*requirements, *self.session.signals, *self.session.derived]
             raise UnknownSignal(name, self.session._path, known, owner="session")
@@ -134,7 +144,7 @@ class Env(gymnasium.Env[Values, Values]):
                 raise UnknownSignal(name, self.session._path, [*ranges, *self.session.tunable], owner="session")
         low, high = [], []
         for name in names:
-            least, most = limits.get(name) or ranges[name]
+            least, most = _limits(name, limits.get(name, ranges[name]))
             if not least < most:
                 raise SessionError(f"the limits of `{name}` are {least} to {most}; the first must be below the second")
             if not (ranges[name][0] <= least and most <= ranges[name][1]):
@@ -154,6 +164,15 @@ class Env(gymnasium.Env[Values, Values]):
             self._memory = self._agent.memory()
             self._chosen = np.frombuffer(self._memory, np.float64)
             self._start = self._chosen.copy()
+
+    def _refuse_too_many_changes(self, tuned: Sequence[str]) -> None:
+        """Refuses actions of which an episode could have more than a run takes."""
+        limit, steps = int(native().MOST_CHANGES), self.session.steps
+        if tuned and steps > limit * self._steps:
+            raise SessionError(
+                f"an episode has up to {steps} steps, and a run takes {limit} changes, which actions such as "
+                f"`{tuned[0]}` are; use steps_per_action={-(-steps // limit)} or more"
+            )
 
     def _ranges(self, tuned: Sequence[str]) -> Dict[str, Limits]:
         """Returns the range of each command and of everything that can be changed."""
@@ -199,15 +218,23 @@ class Env(gymnasium.Env[Values, Values]):
             self._change(action)
         is_over, certain, robustness = self._play(self._native, self._observer, self._steps, self._requirement)
         if self._reward is not None:
-            reward = self._sign * self._reward(self.session)
+            reward = self._sign * self._checked(self._reward(self.session))
         else:
-            reward = self._sign * (robustness - self._robustness)
-            self._robustness = robustness
+            # Infinite if a missing value decided the requirement.
+            added = 0.0 if robustness == self._robustness else robustness - self._robustness
+            reward, self._robustness = self._sign * added, robustness
         diverged = is_over and self.session.step_index < self.session.steps
         terminated = diverged or (certain is not None and not is_over)
         self._is_over = is_over or terminated
         info = self._end(certain) if self._is_over else {}
         return self._observation.values.copy(), reward, terminated, is_over and not diverged, info
+
+    def _checked(self, reward: object) -> float:
+        """Returns a reward as a number."""
+        if isinstance(reward, Real) and not math.isnan(reward):
+            return float(reward)
+        at = self.session.step_index - 1
+        raise SessionError(f"the reward by the {self._reward_name} is {reward!r} at step {at}; it must be a number")
 
     def _change(self, action: Values) -> None:
         values = [float(action[place]) for place, _ in self._tuned]
@@ -226,11 +253,72 @@ class Env(gymnasium.Env[Values, Values]):
         self.session.close()
 
 
+def _limits(name: str, limits: Any) -> Limits:
+    try:
+        least, most = limits
+        return float(least), float(most)
+    except (TypeError, ValueError):
+        raise SessionError(f"the limits of `{name}` are {limits!r}; use two numbers") from None
+
+
+class _Pipe:
+    """Pipe to the process of an environment, whose end is a clear exception."""
+
+    def __init__(self, vector: _Vector, pipe: Any) -> None:
+        self._vector, self._pipe = vector, pipe
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._pipe, name)
+
+    def send(self, message: object) -> None:
+        try:
+            self._pipe.send(message)
+        except OSError as error:
+            raise self._vector.lost() from error
+
+    def recv(self) -> Any:
+        try:
+            return self._pipe.recv()
+        except (EOFError, OSError) as error:
+            raise self._vector.lost() from error
+
+
+class _Vector(gymnasium.vector.AsyncVectorEnv):
+    """Environments in processes, which all end if one of them is lost."""
+
+    def __init__(self, count: int, make: Callable[[], Env]) -> None:
+        self.processes: List[Any] = []
+        try:
+            super().__init__([make] * count, context="spawn")
+        except (EOFError, OSError) as error:
+            if not self.processes:
+                raise
+            raise self.lost() from error
+        self.parent_pipes = [_Pipe(self, pipe) for pipe in self.parent_pipes]  # type: ignore[misc]
+
+    def lost(self) -> SessionError:
+        """Ends all environments; returns the exception that says which of them was lost."""
+        ended = wait([process.sentinel for process in self.processes], _END_LIMIT_S)
+        for process in self.processes:
+            if process.sentinel in ended:
+                process.join(_END_LIMIT_S)
+        codes = [process.exitcode for process in self.processes]
+        ends = [f"environment {place} {end_in_words(code)}" for place, code in enumerate(codes) if code is not None]
+        for process in self.processes:
+            process.kill()
+            process.join()
+        for pipe in self.parent_pipes:
+            pipe.close()
+        self.closed = True
+        return SessionError(f"{'; '.join(ends)}; all environments have ended, so make new ones")
+
+
 def make_vector(count: int, scenario: Location, **arguments: Any) -> gymnasium.vector.AsyncVectorEnv:
     """Returns environments with these arguments, each in a process of its own; `close()` ends them.
 
-    The processes are started anew and not forked, so a script needs `if __name__ == "__main__":` around its work.
+    The processes are started anew and not forked, so a script needs `if __name__ == "__main__":` around its work. If one
+    of them is lost, all end, and a `SessionError` says which it was.
     """
     if count < 1:
         raise SessionError(f"count is {count}; there is at least one environment")
-    return gymnasium.vector.AsyncVectorEnv([partial(Env, scenario, **arguments)] * count, context="spawn")
+    return _Vector(count, partial(Env, scenario, **arguments))

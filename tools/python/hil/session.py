@@ -123,7 +123,7 @@ class Session:
         law: Optional[type] = None,
     ) -> None:
         flags = settings(set)
-        path = os.fspath(scenario)
+        path = os.fsdecode(scenario)
         session = native().open_session(path, flags, plant, law)
         if session is None:
             if plant is not None or law is not None:

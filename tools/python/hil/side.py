@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 import sys
 from types import CodeType, ModuleType
-from typing import Dict, List, NoReturn, Sequence, Tuple
+from typing import Any, Dict, List, NoReturn, Optional, Sequence, Tuple
 
 from .declare import MARK, Side, side_of
 from .errors import DeclarationError, Error
@@ -25,11 +25,16 @@ KINDS = {"plant": "plant", "controller": "law"}
 UNUSABLE = 2
 
 
-def main(arguments: Sequence[str]) -> NoReturn:
-    """Runs a file as a side; the first two arguments are `plant` or `controller`, and the file."""
+def main(arguments: Sequence[str], checks_owners: bool = False) -> NoReturn:
+    """Runs a file as a side; the first two arguments are `plant` or `controller`, and the file.
+
+    With `checks_owners` it imports no module that others could have written.
+    """
     role, path, *rest = arguments
     with _Output() as output:
         try:
+            if checks_owners:
+                sys.meta_path.insert(0, _Owners())
             module = load(path)
             classes = classes_of(module, KINDS[role], os.path.basename(path))
         except SystemExit as end:
@@ -70,6 +75,35 @@ def load(path: str) -> ModuleType:
     code: CodeType = compile(source, real, "exec", dont_inherit=True)
     exec(code, module.__dict__)
     return module
+
+
+class _Owners:
+    """Finds modules as Python does, and refuses those that others than this user and root could have written.
+
+    The interpreter, with what is installed in it, is trusted, and so is this package.
+    """
+
+    def __init__(self) -> None:
+        folders = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix, os.path.dirname(__file__)}
+        self._own = tuple(os.path.join(os.path.realpath(folder), "") for folder in folders)
+
+    def find_spec(self, name: str, path: Optional[Sequence[str]], target: Optional[ModuleType] = None) -> Any:
+        finders = (finder for finder in sys.meta_path if finder is not self)
+        specs = (finder.find_spec(name, path, target) for finder in finders)
+        spec = next((spec for spec in specs if spec is not None), None)
+        if spec is not None and spec.has_location:
+            for file in (getattr(spec.loader, "archive", spec.origin), spec.cached):
+                self._check(name, file)
+        return spec
+
+    def _check(self, name: str, file: Optional[str]) -> None:
+        if file is None or not os.path.exists(file) or os.path.realpath(file).startswith(self._own):
+            return
+        from .native import native
+
+        reason = native().distrust(file)
+        if reason is not None:
+            raise DeclarationError(f"the module `{name}` is not imported: {reason}")
 
 
 def classes_of(module: ModuleType, kind: str, name: str) -> List[type]:

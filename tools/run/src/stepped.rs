@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use controller_process::job::Job as ControllerJob;
 use hil_config::expression::Columns;
+use hil_config::monitor::Verdict;
 use hil_config::plan::{FaultEvent, Plan};
 use hil_console::terminal::exit::Failure;
 use hil_facts::results::recorded::Recorded;
@@ -138,8 +139,8 @@ impl SteppedRun {
         self.advance(NEVER, u64::MAX)?;
         match (&self.recorder.0.borrow().error, self.turns.end()) {
             (Some(error), _) => Err(Failure::infrastructure(error)),
-            (None, Some(end)) => Err(Failure::infrastructure(
-                end.reason.as_deref().unwrap_or("the run ended at once"),
+            (None, Some(_)) => Err(Failure::infrastructure(
+                self.turns.reason().unwrap_or("the run ended at once"),
             )),
             (None, None) => Ok(()),
         }
@@ -256,12 +257,13 @@ impl SteppedRun {
         let has_arrived = self.advance(target, until_ns)?;
         if let Some(RunEnd {
             outcome: Outcome::Failed | Outcome::Stopped,
-            reason,
             ..
         }) = self.turns.end()
         {
-            let reason = reason.as_deref().unwrap_or("the run gave no reason");
-            return Err(Failure::infrastructure(reason));
+            let reason = self.turns.reason();
+            return Err(Failure::infrastructure(
+                reason.unwrap_or("the run gave no reason"),
+            ));
         }
         if let Some(error) = &self.recorder.0.borrow().error {
             return Err(Failure::infrastructure(error));
@@ -373,13 +375,26 @@ impl SteppedRun {
         self.recorder.0.borrow().digest()
     }
 
-    /// Returns the requirements with their verdicts so far.
+    /// Returns the requirements with their verdicts so far. The robustness of a decided one is the bound that the steps
+    /// so far have set until its value is known: a failed one has at most this, a passed one at least.
     #[must_use]
     pub fn requirements(&self) -> Vec<Requirement> {
         let recorder = self.recorder.0.borrow();
-        let evaluation = recorder.collector.evaluation.as_ref();
-        let values = evaluation.map(|evaluation| evaluation.so_far().requirements());
-        values.iter().flatten().map(Requirement::from).collect()
+        let Some(evaluation) = recorder.collector.evaluation.as_ref() else {
+            return Vec::new();
+        };
+        let mut values = evaluation.so_far().requirements();
+        if !self.is_over() {
+            for (value, [least, most]) in values.iter_mut().zip(evaluation.so_far().bounds()) {
+                let bound = match value.verdict {
+                    Verdict::Pass => Some(least),
+                    Verdict::Fail => Some(most),
+                    Verdict::Undecided => None,
+                };
+                value.robustness = value.robustness.or(bound);
+            }
+        }
+        values.iter().map(Requirement::from).collect()
     }
 
     /// Returns bounds on the final robustness of each requirement, in the plan's order.
@@ -399,11 +414,11 @@ impl SteppedRun {
         values.iter().flatten().map(Metric::from).collect()
     }
 
-    /// Returns the end of the run with its verdict; `None` until then.
+    /// Returns the verdict of the run, and the reason for an early end; `None` until the run is over.
     #[must_use]
-    pub fn end(&self) -> Option<(&RunEnd, RunVerdict)> {
-        let end = self.turns.end()?;
-        Some((end, RunVerdict::of(end.outcome, &self.requirements())))
+    pub fn end(&self) -> Option<(RunVerdict, Option<&str>)> {
+        let verdict = RunVerdict::of(self.turns.end()?.outcome, &self.requirements());
+        Some((verdict, self.turns.reason()))
     }
 
     /// Returns the events of the run so far.

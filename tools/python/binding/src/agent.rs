@@ -11,6 +11,8 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::{State, check_count};
 
+use crate::class::Owned;
+
 /// Name of the law in a scenario.
 const NAME: &str = "agent";
 
@@ -29,7 +31,7 @@ impl Chosen {
 #[pyclass(frozen, module = "hil._native")]
 pub(crate) struct Agent {
     chosen: Chosen,
-    kind: &'static LawKind,
+    kind: Arc<Owned<LawKind>>,
 }
 
 #[pymethods]
@@ -38,8 +40,7 @@ impl Agent {
     #[new]
     fn new() -> Self {
         let chosen = Chosen::default();
-        // Engine and runner keep references for the whole process.
-        let kind = Box::leak(Box::new(kind(chosen.clone())));
+        let kind = Owned::new(kind(chosen.clone()));
         Self { chosen, kind }
     }
 
@@ -64,8 +65,8 @@ impl Agent {
 
 impl Agent {
     /// Returns the law of this agent.
-    pub(crate) const fn kind(&self) -> &'static LawKind {
-        self.kind
+    pub(crate) fn kind(&self) -> Arc<Owned<LawKind>> {
+        Arc::clone(&self.kind)
     }
 }
 

@@ -1,9 +1,11 @@
 //! Classes of Python as plants and laws of sessions.
 //!
-//! Engine and runner keep references to them for the whole process, so each class is read once and stays.
+//! A runner borrows its law and a run knows its kinds by their addresses, so each class is read once and kept as long
+//! as a session or a saved state has it.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, PoisonError};
+use std::ptr::NonNull;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use controller_process::controller::LawKind;
 use plant_process::plant::PlantKind;
@@ -12,46 +14,106 @@ use pyo3::prelude::*;
 use crate::agent::Agent;
 use crate::side;
 
-/// Kinds by the address of their class, which stays valid because the kind holds the class.
-type Known<T> = Mutex<Option<HashMap<usize, &'static T>>>;
+/// Kind that is dropped with its last owner.
+pub(crate) struct Owned<T>(NonNull<T>);
+
+// SAFETY: an owner of its value, which is all that it has.
+unsafe impl<T: Send> Send for Owned<T> {}
+// SAFETY: as above.
+unsafe impl<T: Sync> Sync for Owned<T> {}
+
+impl<T> Owned<T> {
+    /// Takes a kind.
+    pub(crate) fn new(kind: T) -> Arc<Self> {
+        Arc::new(Self(NonNull::from(Box::leak(Box::new(kind)))))
+    }
+
+    /// Returns the kind.
+    ///
+    /// # Safety
+    /// No use of the reference may outlive the owner.
+    const unsafe fn get(&self) -> &'static T {
+        // SAFETY: the kind lives until this owner is dropped, as the caller promises to observe, and nothing changes it.
+        unsafe { self.0.as_ref() }
+    }
+}
+
+impl<T> Drop for Owned<T> {
+    fn drop(&mut self) {
+        // SAFETY: made from a box in `new`, and dropped here alone.
+        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
+    }
+}
+
+/// Plant and law of a session that are not built in.
+#[derive(Clone, Default)]
+pub(crate) struct Classes {
+    plant: Option<Arc<Owned<PlantKind>>>,
+    law: Option<Arc<Owned<LawKind>>>,
+}
+
+impl Classes {
+    /// Returns the kinds of a plant and of a law, which may also be an agent.
+    ///
+    /// # Errors
+    /// If a class is no plant or no law.
+    pub(crate) fn of(
+        plant: Option<&Bound<'_, PyAny>>,
+        law: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let plant = plant.map(|class| known(&PLANTS, class, side::plant_kind));
+        let law = law.map(|class| match class.cast::<Agent>() {
+            Ok(agent) => Ok(agent.get().kind()),
+            Err(_) => known(&LAWS, class, side::law_kind),
+        });
+        Ok(Self {
+            plant: plant.transpose()?,
+            law: law.transpose()?,
+        })
+    }
+
+    /// Returns the plant and the law.
+    ///
+    /// # Safety
+    /// No use of a reference may outlive these classes and their clones.
+    pub(crate) unsafe fn kinds(&self) -> (Option<&'static PlantKind>, Option<&'static LawKind>) {
+        let (plant, law) = (self.plant.as_ref(), self.law.as_ref());
+        // SAFETY: these classes own them, and the caller observes the rest.
+        unsafe { (plant.map(|one| one.get()), law.map(|one| one.get())) }
+    }
+}
+
+/// Run or saved state, with the classes that it refers to.
+pub(crate) struct With<T> {
+    /// Dropped first.
+    pub(crate) inner: T,
+    pub(crate) classes: Classes,
+}
+
+/// Kinds in use by the address of their class, which stays valid because the kind holds the class.
+type Known<T> = Mutex<Option<HashMap<usize, Weak<Owned<T>>>>>;
 
 static PLANTS: Known<PlantKind> = Mutex::new(None);
 static LAWS: Known<LawKind> = Mutex::new(None);
-
-/// Returns the plant of a class.
-///
-/// # Errors
-/// If the class is no plant.
-pub(crate) fn plant(class: &Bound<'_, PyAny>) -> PyResult<&'static PlantKind> {
-    known(&PLANTS, class, side::plant_kind)
-}
-
-/// Returns the law of a class, or of an agent.
-///
-/// # Errors
-/// If the class is no law.
-pub(crate) fn law(class: &Bound<'_, PyAny>) -> PyResult<&'static LawKind> {
-    match class.cast::<Agent>() {
-        Ok(agent) => Ok(agent.get().kind()),
-        Err(_) => known(&LAWS, class, side::law_kind),
-    }
-}
 
 fn known<T>(
     known: &Known<T>,
     class: &Bound<'_, PyAny>,
     read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
-) -> PyResult<&'static T> {
+) -> PyResult<Arc<Owned<T>>> {
     let address = class.as_ptr() as usize;
     let locked = || known.lock().unwrap_or_else(PoisonError::into_inner);
     let earlier = locked()
         .as_ref()
-        .and_then(|kinds| kinds.get(&address).copied());
+        .and_then(|kinds| kinds.get(&address)?.upgrade());
     if let Some(kind) = earlier {
         return Ok(kind);
     }
     // Reads attributes of the class, which may run any code: without the lock.
-    let kind: &'static T = Box::leak(Box::new(read(class)?));
-    locked().get_or_insert_default().insert(address, kind);
+    let kind = Owned::new(read(class)?);
+    let mut kinds = locked();
+    let kinds = kinds.get_or_insert_default();
+    kinds.retain(|_, kind| kind.strong_count() > 0);
+    kinds.insert(address, Arc::downgrade(&kind));
     Ok(kind)
 }

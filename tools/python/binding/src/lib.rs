@@ -52,6 +52,7 @@ mod _native {
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+        module.add("MOST_CHANGES", shared_types::record::MOST_CHANGES)?;
         crate::side::register(module)
     }
 }

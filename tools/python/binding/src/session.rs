@@ -16,10 +16,11 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use crate::bound::{Along, Bound as ThreadBound};
+use crate::class::{Classes, With};
 use crate::failure::{raised, session_error};
 use crate::observer::Observer;
 use crate::saved::Saved;
-use crate::{class, scenario, side};
+use crate::{scenario, side};
 
 /// Interval between two looks for signals, such as Ctrl-C, while steps are executed.
 const BETWEEN_SIGNALS: Duration = Duration::from_millis(20);
@@ -27,7 +28,7 @@ const BETWEEN_SIGNALS: Duration = Duration::from_millis(20);
 /// Run in this process, held before its next step.
 #[pyclass(frozen, module = "hil._native")]
 pub(crate) struct Session {
-    run: ThreadBound<SteppedRun>,
+    run: ThreadBound<With<SteppedRun>>,
     /// `true` if plant or law is a class, whose exceptions are Python's.
     has_classes: bool,
 }
@@ -43,11 +44,10 @@ pub(crate) fn open_session(
     plant: Option<&Bound<'_, PyAny>>,
     law: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Option<Session>> {
-    let classes = (
-        plant.map(class::plant).transpose()?,
-        law.map(class::law).transpose()?,
-    );
-    let Some(checked) = scenario::read(path, &flags, classes)? else {
+    let classes = Classes::of(plant, law)?;
+    // SAFETY: the run that takes them is dropped before the classes beside it.
+    let kinds = unsafe { classes.kinds() };
+    let Some(checked) = scenario::read(path, &flags, kinds)? else {
         return Ok(None);
     };
     let has_classes = checked.kinds.is_some();
@@ -55,7 +55,10 @@ pub(crate) fn open_session(
         SteppedRun::new(checked.plan, checked.described, checked.kinds)
     });
     Ok(Some(Session {
-        run: ThreadBound::new(run?),
+        run: ThreadBound::new(With {
+            inner: run?,
+            classes,
+        }),
         has_classes,
     }))
 }
@@ -70,7 +73,7 @@ impl Session {
     /// # Errors
     /// As for [`Bound::get`](ThreadBound::get).
     pub(crate) fn run(&self) -> PyResult<RefMut<'_, SteppedRun>> {
-        self.run.get()
+        Ok(RefMut::map(self.run.get()?, |run| &mut run.inner))
     }
 
     /// Executes steps up to `target` without the interpreter, and looks for signals now and then.
@@ -106,20 +109,24 @@ fn caused<T>(
     if has_classes {
         drop(side::take_exception()); // of earlier work
     }
-    let failure = match work() {
-        Ok(result) => return Ok(result),
-        Err(failure) => failure,
-    };
-    let error = raised(&failure);
+    let result = work();
     let cause = has_classes.then(side::take_exception).flatten();
-    Err(match cause {
-        Some(interrupt) if interrupt.is_instance_of::<PyKeyboardInterrupt>(py) => interrupt,
-        Some(cause) => {
-            error.set_cause(py, Some(cause));
-            error
+    match (result, cause) {
+        (_, Some(interrupt)) if interrupt.is_instance_of::<PyKeyboardInterrupt>(py) => {
+            Err(interrupt)
         }
-        None => error,
-    })
+        (Ok(result), None) => Ok(result),
+        // The run goes on without its law, as `run.on_controller_loss` has it.
+        (Ok(result), Some(cause)) => {
+            cause.write_unraisable(py, None);
+            Ok(result)
+        }
+        (Err(failure), cause) => {
+            let error = raised(&failure);
+            error.set_cause(py, cause);
+            Err(error)
+        }
+    }
 }
 
 #[pymethods]
@@ -127,7 +134,7 @@ impl Session {
     /// Executes steps; fewer if the run ends earlier.
     #[pyo3(signature = (steps = 1))]
     fn step(&self, py: Python<'_>, steps: u64) -> PyResult<()> {
-        let mut run = self.run.get()?;
+        let mut run = self.run()?;
         if run.is_over() {
             let step = run.step();
             return Err(session_error(&format!(
@@ -140,7 +147,7 @@ impl Session {
 
     /// Executes all steps before the first one at or after a simulated time.
     fn step_to(&self, py: Python<'_>, time_s: f64) -> PyResult<()> {
-        let mut run = self.run.get()?;
+        let mut run = self.run()?;
         let (step, rate) = (run.step(), run.plan().run.rate);
         let target = match time_s {
             time_s if time_s.is_nan() || time_s < 0.0 => {
@@ -162,18 +169,18 @@ impl Session {
     fn request(&self, request: &str) -> PyResult<String> {
         let request: Request = serde_json::from_str(request)
             .map_err(|error| raised(&Failure::infrastructure(error)))?;
-        json(&self.run.get()?.request(request))
+        json(&self.run()?.request(request))
     }
 
     /// Returns a value of the newest step; `None` before the first, and for an unknown name.
     fn value(&self, name: &str) -> PyResult<Option<f64>> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         Ok(run.place(name).and_then(|place| run.value(place)))
     }
 
     /// Creates an observer of values by name; returns the first name that does not exist instead.
     fn observe(&self, py: Python<'_>, names: Vec<String>) -> PyResult<Observed> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         let mut places: Vec<Place> = Vec::with_capacity(names.len());
         for name in names {
             match run.place(&name) {
@@ -188,21 +195,23 @@ impl Session {
 
     /// Copies the values of an observer.
     fn copy(&self, py: Python<'_>, observer: &Bound<'_, Observer>) -> PyResult<()> {
-        observer.get().copy(py, &*self.run.get()?);
+        observer.get().copy(py, &*self.run()?);
         Ok(())
     }
 
     /// Saves the session before its next step.
     fn save(&self, py: Python<'_>) -> PyResult<Saved> {
         let mut run = self.run.get()?;
-        caused(py, self.has_classes, || run.save()).map(Saved::new)
+        let inner = caused(py, self.has_classes, || run.inner.save())?;
+        let classes = run.classes.clone();
+        Ok(Saved::new(With { inner, classes }))
     }
 
     /// Continues from a saved state.
     fn restore(&self, py: Python<'_>, saved: &Bound<'_, Saved>) -> PyResult<()> {
         let saved = saved.get().run.get()?;
-        let mut run = self.run.get()?;
-        caused(py, self.has_classes, || run.restore(&saved))
+        let mut run = self.run()?;
+        caused(py, self.has_classes, || run.restore(&saved.inner))
     }
 
     /// Begins again at step 0, with another seed if one is given.
@@ -211,7 +220,7 @@ impl Session {
         if seed.is_some_and(|seed| i64::try_from(seed).is_err()) {
             return Err(PyOverflowError::new_err("a seed is at most 2**63 - 1"));
         }
-        let mut run = self.run.get()?;
+        let mut run = self.run()?;
         caused(py, self.has_classes, || run.reset(seed))
     }
 
@@ -222,7 +231,7 @@ impl Session {
 
     /// Returns name and unit of each signal of a record, then of each derived signal.
     fn signals(&self) -> PyResult<[Vec<(String, String)>; 2]> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         let recorded = run.signals().map(|(name, unit)| (name, unit.to_owned()));
         let derived = run.plan().derived.iter();
         let derived = derived.map(|one| (one.name.clone(), one.unit.clone()));
@@ -231,7 +240,7 @@ impl Session {
 
     /// Returns name, least and greatest value of each command of the plant.
     fn commands(&self) -> PyResult<Vec<(String, f64, f64)>> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         let model = &run.plan().plant.model;
         let mut plants = run.described()[0].plants.iter();
         let plant = plants.find(|plant| plant.name == *model);
@@ -243,40 +252,40 @@ impl Session {
     /// Next step; after the end, the number of executed steps.
     #[getter]
     fn step_index(&self) -> PyResult<u64> {
-        Ok(self.run.get()?.step().0)
+        Ok(self.run()?.step().0)
     }
 
     /// Simulated time of the next step.
     #[getter]
     fn time_s(&self) -> PyResult<f64> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         Ok(run.plan().run.rate.seconds(run.step()))
     }
 
     /// Number of steps of the whole run, and steps per second.
     #[getter]
     fn length(&self) -> PyResult<(u64, f64)> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         Ok((run.plan().run.steps, run.plan().run.rate.hz()))
     }
 
     /// `True` after the end of the run.
     #[getter]
     fn is_over(&self) -> PyResult<bool> {
-        Ok(self.run.get()?.is_over())
+        Ok(self.run()?.is_over())
     }
 
     /// Digest of the records so far; `None` before the first.
     #[getter]
     fn digest(&self) -> PyResult<Option<String>> {
-        Ok(self.run.get()?.digest())
+        Ok(self.run()?.digest())
     }
 
     /// Returns the requirements, the metrics, and the end of the run if it is over, as JSON.
     fn results(&self) -> PyResult<String> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         let end = run.end().map(
-            |(end, verdict)| serde_json::json!({ "verdict": verdict.name(), "reason": end.reason }),
+            |(verdict, reason)| serde_json::json!({ "verdict": verdict.name(), "reason": reason }),
         );
         json(&serde_json::json!({
             "requirements": run.requirements(),
@@ -287,7 +296,7 @@ impl Session {
 
     /// Returns the scenario that repeats this session so far.
     fn scenario(&self) -> PyResult<String> {
-        let run = self.run.get()?;
+        let run = self.run()?;
         let recorded = run.recorded();
         let live = recorded.values.iter().filter(|change| change.live);
         let changes: Vec<ValueChange> = live.cloned().collect();

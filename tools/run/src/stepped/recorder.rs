@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use hil_config::plan::Plan;
 use hil_facts::results::collector::Collector;
@@ -19,7 +20,7 @@ use crate::attach::refuse_other_layout;
 /// Results of the steps so far.
 #[derive(Clone)]
 pub(super) struct StepRecorder {
-    layout: RecordLayout,
+    layout: Arc<RecordLayout>,
     digest: Digest,
     pub(super) collector: Collector,
     /// Words of the newest record; empty before the first.
@@ -41,7 +42,7 @@ impl StepRecorder {
             digest: Digest::default(),
             collector,
             newest: Vec::with_capacity(layout.words()),
-            layout,
+            layout: Arc::new(layout),
             error,
         }
     }

@@ -136,7 +136,7 @@ impl Host {
             file,
             side,
             first: match kind {
-                ModelKind::Python => python::first_arguments()?,
+                ModelKind::Python => python::first_arguments(&choice.by)?,
                 ModelKind::Fmu | ModelKind::Port => Vec::new(),
             },
         }))

@@ -12,6 +12,7 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
 use super::file::is_script;
+use super::named::NamedBy;
 
 /// Environment variable with the path of the interpreter.
 const VARIABLE: &str = "HIL_PYTHON";
@@ -29,7 +30,10 @@ const PACKAGE: &str = "hil";
 const LIBRARY: &str = "libhil_python.so";
 /// Folder of the package in a clone.
 const IN_CLONE: &str = "tools/python";
-/// Program that the interpreter runs, with the folder of the package, this program, the side and the file as arguments.
+/// Argument with which modules are imported only from files that nobody else can have written.
+const CHECKED: &str = "checked";
+/// Program that the interpreter runs, with the folder of the package, this program, [`CHECKED`] or nothing, the side and
+/// the file as arguments.
 /// The current folder, which Python puts first, is not searched for modules: anybody may have written it.
 const START: &str = "\
 import sys
@@ -37,7 +41,7 @@ if sys.version_info < (3, 9):
     sys.exit('error: a plant or law needs Python 3.9 or later, and %s is %s' % (sys.executable, sys.version.split()[0]))
 if sys.path and not sys.path[0]:
     del sys.path[0]
-folder, program = sys.argv[1:3]
+folder, program, owners = sys.argv[1:4]
 if folder:
     sys.path.insert(0, folder)
 try:
@@ -48,7 +52,7 @@ if folder:
     sys.path.append(sys.path.pop(0))
 import os
 os.environ.setdefault('HIL_BIN', program)
-main(sys.argv[3:])
+main(sys.argv[4:], checks_owners=bool(owners))
 ";
 
 /// Returns `true` for a Python file that is no program of its own: one is executable and names its interpreter.
@@ -80,15 +84,21 @@ pub(super) fn interpreter() -> Result<PathBuf, String> {
     })
 }
 
-/// Returns the arguments of the interpreter before the side.
+/// Returns the arguments of the interpreter before the side. A file that another file names must be written by this
+/// user or root alone, and so must the modules that it imports.
 ///
 /// # Errors
 /// If the path of this program cannot be determined.
-pub(super) fn first_arguments() -> Result<Vec<OsString>, String> {
+pub(super) fn first_arguments(by: &NamedBy) -> Result<Vec<OsString>, String> {
     let own = current_exe().and_then(|own| own.canonicalize());
     let own = own.map_err(|error| error.to_string())?;
     let folder = package_of(&own).unwrap_or_default();
-    Ok(["-c".into(), START.into(), folder.into(), own.into()].into())
+    let owners = match by {
+        NamedBy::Scenario(..) | NamedBy::Recording(_) => CHECKED,
+        NamedBy::Person(_) | NamedBy::Nobody => "",
+    };
+    let (folder, own) = (folder.into(), own.into());
+    Ok(["-c".into(), START.into(), folder, own, owners.into()].into())
 }
 
 /// Returns the files beside a Python file that modules of these names consist of, with their places relative to its

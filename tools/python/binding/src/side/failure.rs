@@ -8,6 +8,7 @@ use pyo3::exceptions::{PyKeyError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use shared_types::describe::Invalid;
 use shared_types::failure::Failure;
+use shared_types::side::Side;
 
 thread_local! {
     /// Exception of the last failure in this thread, for the session that it ends.
@@ -35,21 +36,28 @@ pub(crate) fn take_exception() -> Option<PyErr> {
     LAST.with_borrow_mut(Option::take)
 }
 
-/// Calls Python during a run; an exception becomes the failure.
+/// Calls a method of a side during a run; an exception becomes the failure.
 #[inline]
-pub(super) fn during_run<T>(work: impl FnOnce(Python<'_>) -> PyResult<T>) -> Result<T, Failure> {
+pub(super) fn during_run<T>(
+    side: Side,
+    method: &str,
+    work: impl FnOnce(Python<'_>) -> PyResult<T>,
+) -> Result<T, Failure> {
     Python::attach(|py| {
         let result = work(py);
         if IS_FORKED.load(Ordering::Relaxed) {
             leave(py);
         }
-        result.map_err(|error| failure(py, error))
+        result.map_err(|error| failure(py, (side, method), error))
     })
 }
 
-/// Calls Python before or between steps; an exception becomes the reason of a refusal.
-pub(super) fn between_steps<T>(work: impl FnOnce(Python<'_>) -> PyResult<T>) -> Result<T, Invalid> {
-    Python::attach(|py| work(py).map_err(|error| Invalid(reason(py, error))))
+/// Calls a method before or between steps; an exception becomes the reason of a refusal.
+pub(super) fn between_steps<T>(
+    method: &str,
+    work: impl FnOnce(Python<'_>) -> PyResult<T>,
+) -> Result<T, Invalid> {
+    Python::attach(|py| work(py).map_err(|error| Invalid(reason(py, method, error))))
 }
 
 /// Ends a child of `os.fork` that returned into the loop, which belongs to its parent.
@@ -67,11 +75,12 @@ fn leave(py: Python<'_>) {
 }
 
 #[cold]
-fn failure(py: Python<'_>, error: PyErr) -> Failure {
-    let is_divergence = diverged(py).is_ok_and(|kind| error.is_instance(py, &kind));
-    match is_divergence {
+fn failure(py: Python<'_>, (side, method): (Side, &str), error: PyErr) -> Failure {
+    let is_divergence = || diverged(py).is_ok_and(|kind| error.is_instance(py, &kind));
+    // A law has no range of validity that the run could leave.
+    match side == Side::Plant && is_divergence() {
         true => Failure::diverged(error.value(py).to_string()),
-        false => Failure::lost(reason(py, error)),
+        false => Failure::lost(reason(py, method, error)),
     }
 }
 
@@ -79,9 +88,9 @@ fn diverged(py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
     py.import("hil.errors")?.getattr("Diverged")
 }
 
-/// Returns an exception as a line, and logs its traceback.
+/// Returns an exception of a method as a line, and logs its traceback.
 #[cold]
-fn reason(py: Python<'_>, error: PyErr) -> String {
+fn reason(py: Python<'_>, method: &str, error: PyErr) -> String {
     if let Some(trace) = error.traceback(py) {
         // Before Python 3.12 the traceback is not yet part of the exception; without it the text lacks only its place.
         let _ = error.value(py).setattr("__traceback__", trace);
@@ -90,7 +99,12 @@ fn reason(py: Python<'_>, error: PyErr) -> String {
         .import("hil.tracebacks")
         .and_then(|module| module.call_method1("describe", (error.value(py),)))
         .and_then(|both| both.extract::<(String, String)>());
-    let (line, text) = described.unwrap_or_else(|_| (error.to_string(), String::new()));
+    let (mut line, text) = described.unwrap_or_else(|_| (error.to_string(), String::new()));
+    // Raised by the caller of the method, on what it returned; only code has a place.
+    let named = format!("`{method}`");
+    if text.is_empty() && !line.starts_with(&named) {
+        line = format!("{named}: {line}");
+    }
     if HAS_LOG.load(Ordering::Relaxed) && !text.is_empty() {
         say(text.trim_end());
     }

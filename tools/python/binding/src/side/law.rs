@@ -10,12 +10,16 @@ use pyo3::{Py, intern};
 use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::quality::{self, SignalSet};
+use shared_types::side::Side;
 use shared_types::state::State;
 
 use super::arguments::{Quality, Sample, Setup};
 use super::failure::{between_steps, declaration, during_run};
 use super::saving::Saving;
 use super::tables::{Rows, nothing};
+
+/// Side of the classes here.
+const SIDE: Side = Side::Controller;
 
 /// Class of a law.
 struct Shape {
@@ -73,7 +77,7 @@ pub(crate) fn law_kind(class: &Bound<'_, PyAny>) -> PyResult<LawKind> {
     };
     let shape = Arc::new(shape);
     let kind = LawKind::from_tables(description, move |rows: &SetupRows<'_>| {
-        let instance = between_steps(|py| {
+        let instance = between_steps("__init__", |py| {
             let setup = shape.setup(py, rows.parameters, rows.model, rows.period_s)?;
             Ok(shape.class.bind(py).call1((setup,))?.unbind())
         })?;
@@ -182,7 +186,7 @@ impl Law for InPython {
             internals,
             held,
         } = answer;
-        during_run(|py| {
+        during_run(SIDE, "step", |py| {
             let instance = self.instance.bind(py);
             let sample = self.shape.sample(py, row, quality)?;
             let answer = instance.call_method1(intern!(py, "step"), (sample,))?;
@@ -196,7 +200,7 @@ impl Law for InPython {
     }
 
     fn retune(&mut self, rows: &TunedRows<'_>, transition: Transition) {
-        let result = during_run(|py| {
+        let result = during_run(SIDE, "retune", |py| {
             let (parameters, model) = (rows.parameters, rows.model);
             let setup = self.shape.setup(py, parameters, model, rows.period_s)?;
             let is_ramp = transition == Transition::Ramp;
@@ -210,19 +214,25 @@ impl Law for InPython {
     }
 
     fn save(&self) -> Result<State, Invalid> {
-        between_steps(|py| self.shape.saving.save(self.instance.bind(py)))
+        between_steps("save", |py| self.shape.saving.save(self.instance.bind(py)))
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
         self.pending = None;
-        between_steps(|py| self.shape.saving.restore(self.instance.bind(py), state))
+        between_steps("restore", |py| {
+            (self.shape.saving).restore(self.instance.bind(py), state)
+        })
     }
 
     fn numbers(&self) -> Result<Vec<f64>, Invalid> {
-        between_steps(|py| self.shape.saving.numbers(self.instance.bind(py)))
+        between_steps("state", |py| {
+            self.shape.saving.numbers(self.instance.bind(py))
+        })
     }
 
     fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
-        between_steps(|py| (self.shape.saving).set_numbers(self.instance.bind(py), numbers))
+        between_steps("state", |py| {
+            (self.shape.saving).set_numbers(self.instance.bind(py), numbers)
+        })
     }
 }

@@ -6,8 +6,11 @@ use pyo3::prelude::*;
 use shared_types::time;
 
 use super::arguments::Interval;
-use super::tables::{number, numbers};
+use super::tables::{items, number_among};
 
+/// Arguments of [`integrate`] in messages.
+const STATE: &str = "state";
+const RATES: &str = "rates";
 /// Largest state that [`integrate`] takes.
 const MOST_STATES: usize = 64;
 
@@ -74,7 +77,9 @@ fn integrate(
     interval: &Bound<'_, Interval>,
     rates: &Bound<'_, PyAny>,
 ) -> PyResult<Vec<f64>> {
-    let state = numbers(state)?;
+    let state: Vec<f64> = items(state, STATE)?
+        .map(|value| number_among(&value?, STATE))
+        .collect::<PyResult<_>>()?;
     let interval = time::Interval::from(interval.get());
     if interval.substeps == 0 {
         return Err(PyValueError::new_err(
@@ -123,8 +128,8 @@ fn derive(rates: &Bound<'_, PyAny>, time_s: f64, x: &[f64], dx: &mut [f64]) -> P
     let state = pyo3::types::PyTuple::new(rates.py(), x)?;
     let derivatives = rates.call1((time_s, state))?;
     let mut count = 0;
-    for value in derivatives.try_iter()? {
-        let value = number(&value?)?;
+    for value in items(&derivatives, RATES)? {
+        let value = number_among(&value?, RATES)?;
         if let Some(place) = dx.get_mut(count) {
             *place = value;
         }

@@ -8,6 +8,7 @@ use pyo3::{Py, intern};
 use shared_types::describe::{FaultDescription, Invalid, PlantDescription};
 use shared_types::failure::Failure;
 use shared_types::quality::SignalSet;
+use shared_types::side::Side;
 use shared_types::state::State;
 use shared_types::time;
 
@@ -15,6 +16,9 @@ use super::arguments::Interval;
 use super::failure::{between_steps, declaration, during_run};
 use super::saving::Saving;
 use super::tables::Rows;
+
+/// Side of the classes here.
+const SIDE: Side = Side::Plant;
 
 /// Class of a plant.
 struct Shape {
@@ -67,7 +71,7 @@ pub(crate) fn plant_kind(class: &Bound<'_, PyAny>) -> PyResult<PlantKind> {
     };
     let shape = Arc::new(shape);
     let kind = PlantKind::from_tables(description, move |row| {
-        let instance = between_steps(|py| {
+        let instance = between_steps("__init__", |py| {
             let parameters = shape.parameters.instance(py, row)?;
             Ok(shape.class.bind(py).call1((parameters,))?.unbind())
         })?;
@@ -99,7 +103,7 @@ impl Model for InPython {
         if !self.shape.retunes {
             return Ok(());
         }
-        during_run(|py| {
+        during_run(SIDE, "retune", |py| {
             let parameters = self.shape.parameters.instance(py, parameters)?;
             let instance = self.instance.bind(py);
             super::tables::nothing(
@@ -110,11 +114,11 @@ impl Model for InPython {
     }
 
     fn measure(&mut self, measured: &mut [f64]) -> Result<(), Failure> {
-        during_run(|py| self.readings(py, measured))
+        during_run(SIDE, "measure", |py| self.readings(py, measured))
     }
 
     fn read(&mut self, measured: &mut [f64], invalid: &mut SignalSet) -> Result<(), Failure> {
-        during_run(|py| {
+        during_run(SIDE, "measure", |py| {
             self.readings(py, measured)?;
             if self.shape.marks_invalid {
                 let names = self
@@ -128,7 +132,7 @@ impl Model for InPython {
     }
 
     fn truth(&mut self, time_s: f64, command: &[f64], truth: &mut [f64]) -> Result<(), Failure> {
-        during_run(|py| {
+        during_run(SIDE, "truth", |py| {
             let command = self.shape.command.instance(py, command)?;
             let instance = self.instance.bind(py);
             let row = instance.call_method1(intern!(py, "truth"), (time_s, command))?;
@@ -137,7 +141,7 @@ impl Model for InPython {
     }
 
     fn advance(&mut self, interval: &time::Interval, command: &[f64]) -> Result<(), Failure> {
-        during_run(|py| {
+        during_run(SIDE, "advance", |py| {
             let command = self.shape.command.instance(py, command)?;
             let interval = Interval::from(interval);
             let instance = self.instance.bind(py);
@@ -149,18 +153,24 @@ impl Model for InPython {
     }
 
     fn save(&self) -> Result<State, Invalid> {
-        between_steps(|py| self.shape.saving.save(self.instance.bind(py)))
+        between_steps("save", |py| self.shape.saving.save(self.instance.bind(py)))
     }
 
     fn restore(&mut self, state: &State) -> Result<(), Invalid> {
-        between_steps(|py| self.shape.saving.restore(self.instance.bind(py), state))
+        between_steps("restore", |py| {
+            (self.shape.saving).restore(self.instance.bind(py), state)
+        })
     }
 
     fn numbers(&self) -> Result<Vec<f64>, Invalid> {
-        between_steps(|py| self.shape.saving.numbers(self.instance.bind(py)))
+        between_steps("state", |py| {
+            self.shape.saving.numbers(self.instance.bind(py))
+        })
     }
 
     fn set_numbers(&mut self, numbers: &[f64]) -> Result<(), Invalid> {
-        between_steps(|py| (self.shape.saving).set_numbers(self.instance.bind(py), numbers))
+        between_steps("state", |py| {
+            (self.shape.saving).set_numbers(self.instance.bind(py), numbers)
+        })
     }
 }

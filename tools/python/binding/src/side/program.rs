@@ -4,6 +4,7 @@ use std::ffi::OsString;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use hil_facts::programs::binaries::trusted;
 use hil_session::program::{self, CHECKED, Program};
 use hil_session::session::SessionInfo;
 use hil_session::supervision::Supervision;
@@ -18,6 +19,7 @@ use super::{failure, law_kind, plant_kind};
 /// Adds the functions of `hil/side.py` to the module.
 pub(super) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(serve, module)?)?;
+    module.add_function(wrap_pyfunction!(distrust, module)?)?;
     module.add_function(wrap_pyfunction!(hash_all, module)?)?;
     module.add_function(wrap_pyfunction!(note_fork, module)?)
 }
@@ -68,6 +70,12 @@ fn serve(
 fn run(py: Python<'_>, hosted: &(impl Program + Sync), arguments: Vec<OsString>) -> u8 {
     failure::begin_log();
     py.detach(|| program::with_stack(|| program::answer(hosted, arguments)))
+}
+
+/// Returns the reason for which others than this user and root could have written a file; `None` if they could not.
+#[pyfunction]
+fn distrust(file: PathBuf) -> Option<String> {
+    trusted::file(&file).err()
 }
 
 /// Returns the BLAKE3 hash of the files of a package, given with the names of its modules.

@@ -2,7 +2,7 @@
 
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyFloat, PyInt, PyString, PyTuple};
+use pyo3::types::{PyBool, PyFloat, PyInt, PyIterator, PyString, PyTuple};
 use shared_types::quality::SignalSet;
 use shared_types::table::{Field, nearest};
 
@@ -113,8 +113,16 @@ impl Rows {
         set: &mut SignalSet,
         method: &str,
     ) -> PyResult<()> {
-        for name in names.try_iter()? {
-            let name: String = name?.extract()?;
+        let no_names = || {
+            let kind = kind_of(names);
+            PyTypeError::new_err(format!("`{method}` returned {kind}; it must return names"))
+        };
+        // A text has an iterator too, of its letters.
+        if names.is_instance_of::<PyString>() {
+            return Err(no_names());
+        }
+        for name in names.try_iter().map_err(|_| no_names())? {
+            let name: String = name?.extract().map_err(|_| no_names())?;
             set.insert(self.place(&name, method)?);
         }
         Ok(())
@@ -140,9 +148,7 @@ impl Rows {
 
     #[cold]
     fn other(&self, instance: &Bound<'_, PyAny>, method: &str) -> PyErr {
-        let title = &self.title;
-        let kind = instance.get_type().name();
-        let kind = kind.map_or_else(|_| "another object".into(), |name| name.to_string());
+        let (title, kind) = (&self.title, kind_of(instance));
         PyTypeError::new_err(match (&self.class, instance.is_none()) {
             (None, _) => format!("`{method}` returned {kind}, but the class has no such table"),
             (_, true) => format!("`{method}` returned None; it must return a `{title}`"),
@@ -210,9 +216,32 @@ fn whole_number(value: &Bound<'_, PyAny>) -> PyResult<f64> {
     )))
 }
 
-/// Returns the numbers of a sequence.
-pub(super) fn numbers(values: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-    values.try_iter()?.map(|value| number(&value?)).collect()
+/// Returns a number among others, which have this name.
+#[inline]
+pub(super) fn number_among(value: &Bound<'_, PyAny>, name: &str) -> PyResult<f64> {
+    number(value).map_err(|error| {
+        let reason = error.value(value.py()).to_string();
+        PyTypeError::new_err(format!("a number of `{name}` is {reason}"))
+    })
+}
+
+/// Returns the items of a sequence of this name.
+pub(super) fn items<'py>(
+    values: &Bound<'py, PyAny>,
+    name: &str,
+) -> PyResult<Bound<'py, PyIterator>> {
+    values.try_iter().map_err(|_| {
+        let kind = kind_of(values);
+        PyTypeError::new_err(format!(
+            "`{name}` is of the type {kind}; it must be a sequence"
+        ))
+    })
+}
+
+/// Returns the name of the type of an object.
+fn kind_of(value: &Bound<'_, PyAny>) -> String {
+    let kind = value.get_type().name();
+    kind.map_or_else(|_| "another object".into(), |name| name.to_string())
 }
 
 /// Refuses a result of a method that returns nothing.
