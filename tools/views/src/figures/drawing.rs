@@ -31,6 +31,8 @@ const MARK: Stroke = Stroke {
 /// Lengths in points.
 const TICK: f64 = 2.5;
 const EDGE: f64 = 2.0;
+/// Width of a frame below which the legend begins at the edge of the figure.
+const NARROW: f64 = 120.0;
 /// Height of a single panel, and of each of two, as a part of the width.
 const HEIGHTS: [f64; 2] = [0.5, 0.32];
 /// Distance of two panels.
@@ -65,7 +67,9 @@ impl Chart {
         });
         let right = width - EDGE - larger(overhang, 1.0);
         let far: Vec<&Level> = extents.into_iter().flat_map(|(_, far)| far).collect();
-        let legend = Legend::of(self, &axes, &far, &font, [left, right]);
+        // Beside a narrow frame, texts would be broken into single words.
+        let legend_left = if right - left < NARROW { EDGE } else { left };
+        let legend = Legend::of(self, &axes, &far, &font, [legend_left, right]);
         let place_x = |value: f64| left + x.part(value) * (right - left);
         let marks: Vec<(f64, &str)> = (self.marks.iter())
             .filter(|(at, _)| (0.0..=1.0).contains(&x.part(*at)))

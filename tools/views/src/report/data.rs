@@ -52,9 +52,9 @@ struct SpanData {
 #[derive(Debug, Serialize)]
 struct SignalData {
     unit: String,
-    /// Number of values in each bucket, where it is not that of the records.
+    /// Number of records in each bucket that have no value, equal neighbours together; `None` if every record has one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    counts: Option<Vec<[u32; 2]>>,
+    missing: Option<Vec<[u32; 2]>>,
     #[serde(flatten)]
     values: Written,
 }
@@ -212,10 +212,11 @@ fn written(signals: &Signals) -> BTreeMap<String, SignalData> {
                 envelope.written()
             }
         };
-        let is_whole = envelope.counts().eq(signals.records());
+        let counts = signals.records().zip(envelope.counts());
+        let missing = runs_of(counts.map(|(records, values)| records - values));
         let one = SignalData {
             unit: unit.to_owned(),
-            counts: (!is_whole).then(|| runs_of(envelope.counts())),
+            missing: (missing.iter().any(|[count, _]| *count > 0)).then_some(missing),
             values,
         };
         data.insert(name.to_owned(), one);

@@ -96,9 +96,10 @@ const figureShown = (figure, unit) => [...new Set(ends(figure).map((end) => show
 const plain = (figure, digits) => (Array.isArray(figure) ? figure.map((end) => plain(end, digits)).join(" to ") : isNothing(figure) ? "-" : String(rounded(figure, digits)));
 
 // The table of the values at the cursors and of what is between them, with its copies. A row has `name` and `unit` of a
-// signal, its `title` in the table, values `at` the first and at the last cursor, `mean`, `rms`, `least`, `greatest`, the
-// `count` of values and a reason `why` no requirement can be copied of it. `scenario` gives the title of a copy, `more`
-// further columns, `span` the first and the last step between the cursors, `digits` how many of a number are copied.
+// signal, its `title` in the table, values `at` the first and at the last cursor, `mean`, `rms`, `least`, `greatest`, a
+// `height` that is not their difference, the `count` of values and a reason `why` no requirement can be copied of it.
+// `scenario` gives the title of a copy, `more` further columns, `span` the first and the last step between the cursors,
+// `digits` how many of a number are copied.
 const drawerOf = ({ cursors, period, scenario, more = () => [], span = () => cursors.ends(), digits = 17 }) => {
   const ids = ["cursor-a", "cursor-b"];
   let rows = [];
@@ -123,7 +124,7 @@ const drawerOf = ({ cursors, period, scenario, more = () => [], span = () => cur
     if (a === null || b === null) return [[`at ${a === null ? "B" : "A"}`, (row) => row.at[0]], ...more(["AB"[a === null ? 1 : 0]], (row) => row?.at[0] ?? null)];
     return [
       ["at A", (row) => at(row, "A")], ["at B", (row) => at(row, "B")], ["B - A", (row) => less(at(row, "B"), at(row, "A"))],
-      ["mean", (row) => row.mean], ["RMS", (row) => row.rms], ["peak to peak", (row) => less(row.greatest, row.least)], ...more(["A", "B"], at),
+      ["mean", (row) => row.mean], ["RMS", (row) => row.rms], ["peak to peak", (row) => row.height ?? less(row.greatest, row.least)], ...more(["A", "B"], at),
     ];
   };
   const copy = async (text, title) => tell((await copyText(text, byId("copied"))) ? `copied ${title}` : `the browser keeps its clipboard; ${title} is selected`);

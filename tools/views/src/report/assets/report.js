@@ -42,7 +42,8 @@
       const { is_double, value } = written;
       const least = value !== undefined ? new Float64Array(buckets).fill(value) : numbersOf(written.least, is_double);
       const greatest = written.greatest ? numbersOf(written.greatest, is_double) : least;
-      found = { least, greatest, sums: written.sums, is_double: is_double !== false, counts: written.counts ? countsOf(written.counts) : counts[run] };
+      found = { least, greatest, sums: written.sums, is_double: is_double !== false, counts: counts[run] };
+      if (written.missing) found.counts = countsOf(written.missing).map((missing, i) => counts[run][i] - missing);
     }
     cache.set(key, found);
     return found;
@@ -479,7 +480,7 @@
   // The value in a bucket, or between which values it is; of a run of a lower rate its last one.
   const valueIn = ({ least, greatest, is_double }, bucket, run) => {
     while (bucket > 0 && !(least[bucket] === least[bucket]) && start[bucket - 1] > start[bucket] - data.runs[run].period_s) bucket--;
-    const [low, high] = [least, greatest].map((values) => rounded(values[bucket], is_double ? 17 : 8));
+    const [low, high] = [least, greatest].map((values) => rounded(values[bucket], is_double ? 17 : 7));
     return low !== low ? null : low === high ? low : [low, high];
   };
   // What the buckets know of a signal from the one of a cursor to the one of the other: nothing in it is estimated.
@@ -496,14 +497,14 @@
       sum += many * values.mean[i];
       squares += many * values.square[i];
     }
-    let [least, greatest] = reachOf(values, { from: first, to: last, slot });
-    // Single precision may have rounded them inwards.
+    const reach = reachOf(values, { from: first, to: last, slot });
+    // Single precision may have rounded them inwards, of which a requirement must not fail.
     const room = values.is_double ? 0 : 2 ** -23;
-    [least, greatest] = count ? [least - room * Math.abs(least), greatest + room * Math.abs(greatest)].map((end) => rounded(end, 9)) : [null, null];
+    const [least, greatest] = count ? reach.map((end, nth) => rounded(end + (nth ? room : -room) * Math.abs(end), 9)) : [null, null];
     const [mean, rms] = count ? [sum / count, Math.sqrt(squares / count)].map((value) => rounded(value, 7)) : [null, null];
     const why = whyUnnamed(name) || (count ? "" : "it has no value between the cursors");
     const title = isOverlaid ? `${data.runs[run].label}: ${name}` : name;
-    return { name, title, run, unit: unitOfSignal(name), at: [valueIn(values, first, run), valueIn(values, last, run)], mean, rms, least, greatest, count, why };
+    return { name, title, run, unit: unitOfSignal(name), at: [valueIn(values, first, run), valueIn(values, last, run)], mean, rms, least, greatest, height: count ? reach[1] - reach[0] : null, count, why };
   };
   // Which of it is exact.
   const basis = () => {
