@@ -9,12 +9,14 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{self, Plan, Trace};
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::Failure;
+use hil_facts::checkpoint;
 use hil_facts::results::handover::Laws;
 use hil_facts::results::latency::spikes::KEPT;
 use hil_facts::results::outcome::RecordedOutcome;
 use hil_facts::results::recorded_run::RecordedRun;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
 use hil_facts::results::summary::{Metric, Missed};
+use hil_recording::reader::folder_of;
 use serde_json::Value;
 use shared_types::time::{Rate, Step};
 
@@ -195,6 +197,17 @@ impl Run {
         times
             .chain(steps.map(|step| self.rate.nanoseconds(Step(step))))
             .collect()
+    }
+
+    /// Returns the command line that reaches a time again from the nearest checkpoint; `None` if no checkpoint can.
+    pub(crate) fn branch_at(&self, at_s: f64) -> Option<String> {
+        let step = self.rate.step_at_or_after(at_s);
+        let recorded = &self.outcome.recorded;
+        let (folder, log) = (folder_of(&self.path), &recorded.faults);
+        let (_, from) = checkpoint::nearest(folder, step, log, &recorded.values)?;
+        // No run is held at its end.
+        let is_before_end = self.plan().is_some_and(|plan| step.0 < plan.run.steps);
+        is_before_end.then(|| checkpoint::command_line(&from, step, self.rate))
     }
 
     /// Prepares the reading of the run's signals.
