@@ -336,7 +336,7 @@ def ghost(desk):
 
 
 def branch(desk):
-    """The command that goes on from the checkpoint before a cursor."""
+    """The command that goes on from the checkpoint before a cursor, and the branch at the cursor."""
     page = opened(desk)
     page.context.grant_permissions(["clipboard-read", "clipboard-write"])
     result = {"last": page.inner_text("#branch-command")}
@@ -346,6 +346,15 @@ def branch(desk):
     result["says"], result["command"] = page.inner_text("#branch-says"), page.inner_text("#branch-command")
     page.click("#copy-branch")
     result["clipboard"] = page.evaluate("navigator.clipboard.readText()")
+    page.click("#branch")
+    result["armed"] = page.inner_text("#armed")
+    page.keyboard.press("n")
+    result["let go"] = [page.is_visible("#armed"), page.inner_text("#status"), page.locator("#branches li").count()]
+    page.click("#branch")
+    page.keyboard.press("y")
+    page.wait_for_selector("html[data-branch=held]")
+    result["held"], result["panel"] = page.inner_text("#branches li"), page.get_attribute("#branches a", "href")
+    result["again"] = page.is_disabled("#branch")
     page.fill("#cursor-a", "0.5")
     page.keyboard.press("Enter")
     result["none"] = [page.inner_text("#branch-says"), page.is_visible("#branch-command")]

@@ -11,13 +11,15 @@ import sys
 import tempfile
 import unittest
 
+import lz4.block
+import lz4.frame
 import numpy as np
 from mcap.writer import CompressionType, IndexType, Writer
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "python"))
 
 import hil
-from hil import recording
+from hil import chunks, recording
 
 SCHEMA = """uint64 step
 uint64[2] sample_invalid
@@ -246,6 +248,38 @@ uint16 core
         for name in frame.columns:
             self.assertEqual(frame[name].tolist(), data[name].tolist())
         self.assertEqual(frame.attrs["units"], {"truth.angle_rad": "rad", "truth.ratio": ""})
+
+
+class Frames(unittest.TestCase):
+    """Chunks as `hil` packs them: a frame of one block, which is unpacked at once."""
+
+    def setUp(self):
+        self.content = b"".join(struct.pack("<Qd", step, math.sin(step)) * 3 for step in range(500))
+        block = lz4.block.compress(self.content, store_size=False)
+        self.frame = chunks.FRAME_HEAD + struct.pack("<I", len(block)) + block + chunks.FRAME_END
+
+    def unpack(self, frame, length):
+        return chunks.unpack(b"lz4", memoryview(frame), length)
+
+    def test_the_content_is_that_of_the_library_for_frames(self):
+        self.assertEqual(lz4.frame.decompress(self.frame), self.content)
+        self.assertIsNotNone(chunks.only_block(memoryview(self.frame)))
+        self.assertEqual(self.unpack(self.frame, len(self.content)), self.content)
+        other = lz4.frame.compress(self.content, content_checksum=True)
+        self.assertIsNone(chunks.only_block(memoryview(other)))
+        self.assertEqual(self.unpack(other, len(self.content)), self.content)
+
+    def test_damage_is_an_error_whatever_it_is(self):
+        for cut in (0, 5, 11, 15, len(self.frame) - 9, len(self.frame) - 1):
+            with self.assertRaises(chunks.ChunkError):
+                self.unpack(self.frame[:cut], len(self.content))
+        block = self.frame[11:-4]
+        with self.assertRaises(chunks.ChunkError):
+            self.unpack(self.frame[:7] + struct.pack("<I", len(block) - 5) + block[:-5] + bytes(4), len(self.content))
+        with self.assertRaises(chunks.ChunkError):
+            self.unpack(self.frame, len(self.content) - 1)
+        # An impossible length takes no memory.
+        self.assertEqual(self.unpack(self.frame, 1 << 40), self.content)
 
 
 if __name__ == "__main__":

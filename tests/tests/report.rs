@@ -17,7 +17,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::support::harness::Rig;
+use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 use page::Page;
@@ -47,6 +47,42 @@ fn spike_scenario(rig: &Rig) -> PathBuf {
     let text = shipped("scenarios/spring-mass.toml");
     let text = text.replace("duration_s = 5.0", "duration_s = 10.0");
     rig.write("spike.toml", &(text + SPIKE))
+}
+
+#[test]
+fn a_step_that_decided_has_the_command_that_reaches_it_from_a_checkpoint() {
+    let rig = Rig::new();
+    let made = rig.run("scenarios/spring-mass.toml --checkpoint-at 0.4 --checkpoint-at 4.6");
+    let made = made.expect(0);
+    let none = rig.run("scenarios/spring-mass.toml").expect(0);
+    let report = |run: &Run| {
+        let (path, output) = (run.folder.display().to_string(), rig.path("report.html"));
+        let output = output.display().to_string();
+        rig.hil(&["report", &path, "-o", &output, "--force"])
+            .expect(0);
+        std::fs::read_to_string(&output).expect("the page")
+    };
+    let page = report(&made);
+    let summary = made.summary();
+    let requirements = summary["requirements"].as_array().expect("requirements");
+    let mut count = 0;
+    for at_s in requirements.iter().filter_map(|one| one["at_s"].as_f64()) {
+        let step = match at_s {
+            0.4..4.6 => 400,
+            4.6.. => 4600,
+            _ => continue,
+        };
+        count += 1;
+        let folder = made.folder.join(format!("checkpoint-{step}"));
+        let line = format!(
+            "hil run --from {} --pause-at {at_s} --panel<",
+            folder.display()
+        );
+        assert!(page.contains(&line), "{line}");
+    }
+    assert!(count > 0, "{summary}");
+    assert_eq!(page.matches("hil run --from").count(), count);
+    assert_eq!(report(&none).matches("hil run --from").count(), 0);
 }
 
 #[test]

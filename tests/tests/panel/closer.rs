@@ -4,7 +4,7 @@ use serde_json::{Value, json};
 
 use super::browser::{Play, assert_drawn, begun};
 use super::{Panel, SCENARIO};
-use crate::support::harness::{Rig, Run};
+use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
 
@@ -344,7 +344,7 @@ fn another_run_is_drawn_behind_the_curves_and_its_difference_is_read() {
 }
 
 #[test]
-fn the_command_of_a_checkpoint_before_a_cursor_goes_on_from_there() {
+fn a_checkpoint_before_a_cursor_has_its_command_and_its_branch_which_asks_first() {
     let rig = Rig::new();
     let run = rig.run(&format!("{SCENARIO} --checkpoint-at 1.2 --checkpoint-at 3"));
     let run = run.expect(0);
@@ -352,18 +352,35 @@ fn the_command_of_a_checkpoint_before_a_cursor_goes_on_from_there() {
         return;
     };
     let folder = |step: u64| run.folder.join(format!("checkpoint-{step}"));
-    let ends_with = |key: &str, step: u64| {
+    let ends_with = |key: &str, step: u64, more: &str| {
         let text = output[key].as_str().expect("text").trim_end();
         let path = folder(step).display().to_string();
         let is_plain = path
             .chars()
             .all(|one| one.is_ascii_alphanumeric() || "_.,:+/-".contains(one));
         let word = if is_plain { path } else { format!("'{path}'") };
-        assert_eq!(text, format!("hil run --from {word}"));
+        assert_eq!(text, format!("hil run --from {word}{more}"));
     };
-    ends_with("last", 3000);
-    ends_with("command", 1200);
-    ends_with("clipboard", 1200);
+    ends_with("last", 3000, "");
+    ends_with("command", 1200, " --pause-at 1.5 --panel");
+    ends_with("clipboard", 1200, " --pause-at 1.5 --panel");
+    assert_eq!(
+        output["armed"],
+        "Branch from step 1500 (1.5 s)?\ny starts a new run that is held there, any other key cancels."
+    );
+    assert_eq!(output["let go"], json!([false, "no branch", 0]));
+    let held = output["held"].as_str().expect("text");
+    let expected = "step 1500: repeated from the checkpoint before step 1200";
+    assert!(held.contains(expected), "{held}");
+    let url = output["panel"].as_str().expect("an address");
+    assert!(
+        url.starts_with("http://127.0.0.1:") && url.contains("/#"),
+        "{url}"
+    );
+    assert_eq!(output["again"], true, "one branch at a time");
+    until("the branch ends with its panel", || {
+        rig.processes().is_empty()
+    });
     assert_eq!(
         output["says"],
         "From step 1200 (1.2 s): 0.3 s before cursor A."

@@ -11,9 +11,9 @@ use crate::support::harness::{Rig, WATCHDOG, send};
 use crate::support::mcap_reader::Recording;
 
 /// Page without a browser.
-struct Page {
+pub(super) struct Page {
     socket: WebSocket<TcpStream>,
-    about: Value,
+    pub(super) about: Value,
 }
 
 /// Signals over a part of a run, parsed like in the page.
@@ -25,7 +25,7 @@ struct Reading {
 }
 
 impl Page {
-    fn open(url: &str) -> Self {
+    pub(super) fn open(url: &str) -> Self {
         let mut socket = connected(url);
         let limit = socket.get_ref().set_read_timeout(Some(WATCHDOG));
         limit.expect("a limit");
@@ -40,13 +40,13 @@ impl Page {
         page
     }
 
-    fn say(&mut self, message: &Value) {
+    pub(super) fn say(&mut self, message: &Value) {
         let sent = self.socket.send(message.to_string().into());
         sent.expect("it takes messages");
     }
 
     /// Reads up to a message of this kind.
-    fn hear(&mut self, kind: &str) -> Value {
+    pub(super) fn hear(&mut self, kind: &str) -> Value {
         loop {
             if let Message::Text(text) = self.socket.read().expect("a message") {
                 let message: Value = serde_json::from_str(&text).expect("JSON");

@@ -13,6 +13,7 @@ from __future__ import annotations
 import json
 import os
 import struct
+from functools import cached_property
 from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, Callable, Dict, Iterator, List, NamedTuple, Optional, Tuple, Union
@@ -218,25 +219,24 @@ class Recording:
             at_s = place.start_ns / 1e9
             raise RecordingError(f"{self.path} is damaged after {at_s} s: {error}") from error
 
+    @cached_property
+    def _form(self) -> Tuple[int, NDArray[np.uint8], int]:
+        """Size of a record with its head, the bytes with which all of them begin, and the offset of the words."""
+        words = HEAD.size + MESSAGE.size + ENCAPSULATION_BYTES
+        size = words + 8 * len(self.columns)
+        begins = HEAD.pack(Opcode.MESSAGE, size - HEAD.size) + struct.pack("<H", self._records_channel)
+        return size, np.frombuffer(begins, np.uint8), words
+
     def _messages(self, data: bytes) -> Iterator[Union[Words, bytes]]:
-        offset, size = 0, HEAD.size + MESSAGE.size + ENCAPSULATION_BYTES + 8 * len(self.columns)
-        record = np.dtype(
-            {
-                "names": ["opcode", "length", "channel", "words"],
-                "formats": ["u1", "<u8", "<u2", ("<u8", (len(self.columns),))],
-                "offsets": [0, 1, HEAD.size, HEAD.size + MESSAGE.size + ENCAPSULATION_BYTES],
-                "itemsize": size,
-            }
-        )
+        offset, (size, begins, words) = 0, self._form
         while offset < len(data):
             # As if nothing but records followed; what is another message ends the block.
-            rows = np.frombuffer(data, record, count=(len(data) - offset) // size, offset=offset)
-            is_record = rows["opcode"] == Opcode.MESSAGE
-            is_record &= rows["length"] == size - HEAD.size
-            is_record &= rows["channel"] == self._records_channel
-            count = len(rows) if is_record.all() else int(is_record.argmin())
+            count = (len(data) - offset) // size
+            is_record = np.ndarray((count, len(begins)), np.uint8, data, offset, (size, 1)) == begins
+            if not is_record.all():
+                count = int(is_record.all(axis=1).argmin())
             if count:
-                yield rows["words"][:count]
+                yield np.ndarray((count, len(self.columns)), "<u8", data, offset + words, (size, 8))
                 offset += count * size
                 continue
             opcode, length = HEAD.unpack_from(data, offset)

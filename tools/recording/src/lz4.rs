@@ -19,9 +19,9 @@ use shared_types::zerocopy::IntoBytes;
 
 /// Magic number; version 1, independent blocks, no checksums, no sizes; blocks of at most 4 MiB; and the second byte of
 /// the `xxh32` of the previous two bytes.
-const FRAME_HEAD: [u8; 7] = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
+pub(super) const FRAME_HEAD: [u8; 7] = [0x04, 0x22, 0x4d, 0x18, 0x60, 0x70, 0x73];
 /// Block of size 0 that ends a frame.
-const FRAME_END: [u8; 4] = [0; 4];
+pub(super) const FRAME_END: [u8; 4] = [0; 4];
 /// Size of a word, in bytes.
 const WORD: usize = size_of::<u64>();
 /// Shortest match of the format, in bytes.

@@ -1,10 +1,12 @@
 //! Decompression of the chunks of a recording, including truncated ones.
 //!
 //! Used by all readers of recordings. The libraries unpack complete chunks, but only the complete blocks of a truncated
-//! chunk. The recorder packs a chunk into a single LZ4 block, so that block is decoded here up to its last byte. The
-//! output never exceeds the requested length.
+//! chunk. The recorder packs a chunk into a single LZ4 block, so that block is decoded here up to its last byte; a
+//! complete one is unpacked in place, without the buffers of a stream. The output never exceeds the requested length.
 
 use std::io::{self, Read};
+
+use crate::lz4::{FRAME_END, FRAME_HEAD};
 
 /// Flags of an LZ4 frame: version 1, and the optional parts of its header and blocks.
 const VERSION: (u8, u8) = (0xc0, 0x40);
@@ -16,8 +18,10 @@ const MAGIC: [u8; 4] = [0x04, 0x22, 0x4d, 0x18];
 const PLAIN_BLOCK: u32 = 1 << 31;
 /// Shortest match of the format, in bytes.
 const MIN_MATCH: usize = 4;
+/// Largest ratio of content to compressed bytes.
+const MOST_TIMES: usize = 255;
 
-/// Unpacks a chunk that must contain exactly `size` bytes.
+/// Unpacks a chunk that must contain exactly `size` bytes, in place of what `into` has; after an error `into` is empty.
 ///
 /// # Errors
 /// If the chunk has another size.
@@ -27,12 +31,36 @@ pub(crate) fn whole(
     size: usize,
     into: &mut Vec<u8>,
 ) -> Result<(), String> {
-    let unpack_error = |error: io::Error| format!("a chunk cannot be unpacked: {error}");
-    unpack(compression, packed, size + 1, into).map_err(unpack_error)?;
-    if into.len() != size {
-        return Err(format!("a chunk does not unpack to its {size} bytes"));
+    if compression == "lz4"
+        && let Some(block) = only_block(packed)
+        // No more memory than the block can fill.
+        && size / MOST_TIMES <= block.len()
+    {
+        into.resize(size, 0);
+        let unpacked = i32::try_from(size)
+            .map(|size| lz4::block::decompress_to_buffer(block, Some(size), into));
+        if matches!(unpacked, Ok(Ok(bytes)) if bytes == size) {
+            return Ok(());
+        }
     }
-    Ok(())
+    into.clear();
+    let unpacked = unpack(compression, packed, size + 1, into);
+    let has_size = into.len() == size;
+    if unpacked.is_err() || !has_size {
+        into.clear();
+    }
+    unpacked.map_err(|error| format!("a chunk cannot be unpacked: {error}"))?;
+    match has_size {
+        true => Ok(()),
+        false => Err(format!("a chunk does not unpack to its {size} bytes")),
+    }
+}
+
+/// Returns the block of a frame that the recorder wrote; `None` for any other frame.
+fn only_block(frame: &[u8]) -> Option<&[u8]> {
+    let (size, block) = frame.strip_prefix(&FRAME_HEAD)?.split_first_chunk()?;
+    let block = block.strip_suffix(&FRAME_END)?;
+    (block.len() == u32::from_le_bytes(*size) as usize).then_some(block)
 }
 
 /// Unpacks the existing part of a truncated chunk.

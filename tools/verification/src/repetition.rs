@@ -5,13 +5,14 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Change, Clock, Condition, FaultEnd, FaultEvent, Plan, Realtime, Trigger};
 use hil_config::show;
 use hil_console::files::part_file;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
+use hil_facts::checkpoint;
 use hil_facts::programs::binaries::named::Recorded;
 use hil_facts::programs::checked::checked;
 use hil_facts::results::faults::{FaultLog, LiveFault};
@@ -34,6 +35,8 @@ pub struct RecordedScenario {
     log: FaultLog,
     /// Value changes that were requested during the run.
     live_changes: Vec<ValueChange>,
+    /// `true` if only the steps before some step were read.
+    is_part: bool,
     session: String,
     started: String,
     /// Programs of the run.
@@ -94,6 +97,19 @@ impl RecordedScenario {
     /// # Errors
     /// If the recording is missing, or its contents are invalid.
     pub fn read(run: &Path) -> Result<Self, Failure> {
+        Self::read_until(run, u64::MAX)
+    }
+
+    /// Reads the steps of a run before one step, with the live interventions before it; a run that is still being
+    /// recorded is read as far as it goes.
+    ///
+    /// # Errors
+    /// If the recording is missing, or its contents are invalid.
+    pub fn before(run: &Path, step: Step) -> Result<Self, Failure> {
+        Self::read_until(run, step.0)
+    }
+
+    fn read_until(run: &Path, step: u64) -> Result<Self, Failure> {
         let refused = |error: ReadError| Failure::usage(error);
         let mut reader = RunReader::open(run).map_err(refused)?;
         if let Some(faults) = reader.fact(CHANGED_FAULTS) {
@@ -111,7 +127,7 @@ impl RecordedScenario {
         let mut live_changes = Vec::new();
         let mut outcome = None;
         let mut missed = LateCommands::of(&reader);
-        loop {
+        while reader.records() < step {
             let goes_on = reader.advance().map_err(refused)?;
             if let Some(missed) = &mut missed
                 && goes_on
@@ -138,13 +154,15 @@ impl RecordedScenario {
             // Late commands can be determined only from all steps.
             reader.refuse_excerpt().map_err(refused)?;
         }
-        if let Some(torn) = reader.caveat() {
+        let is_part = step < u64::MAX;
+        if let (false, Some(torn)) = (is_part, reader.caveat()) {
             tell!("note: {torn}");
         }
         let fact = |name| reader.fact(name).map(str::to_owned);
         Ok(Self {
             log,
             live_changes,
+            is_part,
             session: fact("session").unwrap_or_default(),
             started: fact("started_utc").unwrap_or_default(),
             programs: Recorded::of(&reader, run),
@@ -161,13 +179,26 @@ impl RecordedScenario {
         })
     }
 
+    /// Returns the nearest checkpoint in the folder of the run from which a step can be reached again.
+    #[must_use]
+    pub fn checkpoint_before(&self, folder: &Path, step: Step) -> Option<(Step, PathBuf)> {
+        checkpoint::nearest(folder, step, &self.log, &self.live_changes)
+    }
+
+    /// Returns the number of steps and the rate of the whole run.
+    #[must_use]
+    pub const fn length(&self) -> (Step, Rate) {
+        let run = &self.recorded.plan.run;
+        (Step(run.steps), run.rate)
+    }
+
     /// Returns `true` if the plant was behind a port, which does not repeat.
-    pub(crate) fn is_behind_port(&self) -> bool {
+    pub fn is_behind_port(&self) -> bool {
         self.recorded.plant.port.is_some()
     }
 
     /// Returns `true` if the controller could be late.
-    pub(crate) fn is_against_clock(&self) -> bool {
+    pub fn is_against_clock(&self) -> bool {
         self.recorded.plan.run.clock == Clock::Realtime
     }
 
@@ -210,6 +241,7 @@ impl RecordedScenario {
         let interventions = Interventions {
             log: &self.log,
             changes: &self.live_changes,
+            keeps_waiting: self.is_part,
         };
         let plan = Plan {
             programs: self.programs.programs(),
@@ -233,6 +265,8 @@ pub struct Interventions<'a> {
     pub log: &'a FaultLog,
     /// Changes of values that were requested during the run.
     pub changes: &'a [ValueChange],
+    /// `true` to keep faults that wait for a later step: the run goes on.
+    pub keeps_waiting: bool,
 }
 
 impl Interventions<'_> {
@@ -276,7 +310,11 @@ impl Interventions<'_> {
         live.sort_by_key(|live| live.event.id);
         for fault in live {
             let request = comment(&request_text(fault, rate));
-            match resolved(fault, self.log, rate) {
+            let waiting = || {
+                let is_waiting = self.keeps_waiting && cleared(fault.event.id, self.log).is_none();
+                is_waiting.then(|| fault.event.clone())
+            };
+            match resolved(fault, self.log, rate).or_else(waiting) {
                 Some(event) => {
                     let toml =
                         show::fault_toml(&event, plant, kinds, rate).map_err(Failure::usage)?;

@@ -7,7 +7,8 @@
 //!    requests to the [`board`].
 //! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
 //!    recorded run.
-//! 5. The [`opener`] opens the page, if this machine has a screen.
+//! 5. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
+//! 6. The [`opener`] opens the page, if this machine has a screen.
 //!
 //! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
 //! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
@@ -15,6 +16,7 @@
 
 pub(crate) mod archive;
 pub(crate) mod board;
+pub(crate) mod branches;
 pub(crate) mod client;
 pub(crate) mod kept;
 pub mod message;
@@ -39,6 +41,7 @@ use hil_facts::session::observer::Seen;
 use hil_session::process::ProcessId;
 use hil_session::session::{self, SessionInfo};
 use hil_verification::arguments::run::RunArguments;
+use rustix::process::{Signal, getpid, kill_process};
 use serde_json::json;
 use shared_types::live::{Request, Response};
 
@@ -49,6 +52,7 @@ use super::monitor::watch::Watch;
 use super::monitor::{self, SharedModel, line, prepared};
 use crate::arguments::panel::PanelArguments;
 use board::{Board, Button};
+use branches::Branches;
 use server::Server;
 
 /// Polling interval for the session and the clients.
@@ -105,6 +109,7 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     show_newest(&session, &model);
     let asking = Asking::start(session.clone(), model.clone());
     let board = Board::new(session, model.clone(), buttons, window_s, over);
+    let branches = Arc::clone(&board.branches);
     let server = Server::start(Arc::new(board))?;
     let url = server.url();
     let session = &model.lock().session.clone();
@@ -116,7 +121,15 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
         output::write(&format!("panel of session `{session}`: {url}\n"))?;
     }
     let opened = (!arguments.no_open).then(|| opener::open(&url)).flatten();
-    let exit = stay(arguments, &model, &watch, &server, &interruption)?;
+    let exit = stay(
+        arguments,
+        &model,
+        &watch,
+        (&server, &branches),
+        &interruption,
+    );
+    branches.end();
+    let exit = exit?;
     drop(server);
     drop((asking, opened));
     let model = model.lock();
@@ -138,12 +151,12 @@ fn show_newest(session: &SessionInfo, model: &SharedModel) {
     }
 }
 
-/// Waits until the session has ended and no client remains.
+/// Waits until the session has ended, and neither a client nor a branch remains.
 fn stay(
     arguments: &PanelArguments,
     model: &SharedModel,
     watch: &Watch,
-    server: &Server,
+    (server, branches): (&Server, &Branches),
     interruption: &Interruption,
 ) -> Result<Exit, Failure> {
     let is_of_run = arguments.run_of.is_some();
@@ -155,7 +168,7 @@ fn stay(
         if watch.has_ended() {
             let ended_at = *ended_at.get_or_insert(now);
             let is_seen = is_of_run && now > ended_at + LAST_LOOK;
-            if server.clients() > 0 {
+            if server.clients() > 0 || branches.is_busy() {
                 alone_since = now;
             }
             let is_alone = now > alone_since + LINGER && now > ended_at + LINGER;
@@ -211,6 +224,17 @@ impl Drop for Beside {
     }
 }
 
+/// Interrupts this process when another one ends.
+fn end_with(owner: u32) {
+    let owner = ProcessId::of(owner);
+    std::thread::spawn(move || {
+        while owner.is_some_and(|owner| owner.is_alive()) {
+            std::thread::sleep(LOOK * 5);
+        }
+        let _ = kill_process(getpid(), Signal::INT); // cannot fail for its own process
+    });
+}
+
 /// Executes a run together with its panel.
 ///
 /// # Errors
@@ -232,6 +256,9 @@ pub fn with_run(
         return Err(Failure::usage(
             "--panel needs two processes: --link in-process has no records that others could read; omit --link in-process",
         ));
+    }
+    if let Some(owner) = arguments.panel.owner {
+        end_with(owner);
     }
     let own = std::env::current_exe().map_err(Failure::infrastructure)?;
     let mut panel = Command::new(own);

@@ -15,6 +15,7 @@ pub(crate) mod grid;
 mod label;
 pub(crate) mod page;
 pub(crate) mod plots;
+pub(crate) mod reading;
 pub(crate) mod rows;
 pub(crate) mod run;
 mod tables;
@@ -38,7 +39,8 @@ use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 use grid::Grid;
 use plots::plots;
-use run::{Run, Signals};
+use reading::Signals;
+use run::Run;
 
 /// Polling interval for a signal.
 const LOOK: Duration = Duration::from_millis(5);

@@ -18,7 +18,7 @@ pub mod past;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use hil_config::plan::{Clock, Plan};
 use hil_console::files::part_file::{self, PartFolder};
@@ -28,11 +28,13 @@ use hil_session::session::SessionInfo;
 use serde::{Deserialize, Serialize};
 use shared_types::describe::PROTOCOL;
 use shared_types::number::{exact, exact_in};
+use shared_types::record::ValueChange;
 use shared_types::side::Side;
-use shared_types::time::Step;
+use shared_types::time::{Rate, Step};
 
 use crate::programs::binaries::host::ModelKind;
 use crate::programs::binaries::{Binaries, Binary};
+use crate::results::faults::FaultLog;
 use crate::results::restoration::Check;
 use crate::results::resumed::MadeCheckpoint;
 
@@ -88,6 +90,51 @@ struct SavedPast {
     records: u64,
     /// Their digest.
     digest: String,
+}
+
+/// Returns the checkpoints in the folder of a run, by their steps.
+#[must_use]
+pub fn of_run(run: &Path) -> Vec<(Step, PathBuf)> {
+    let entries = fs::read_dir(run).into_iter().flatten().flatten();
+    let mut checkpoints: Vec<(Step, PathBuf)> = entries
+        .filter_map(|entry| {
+            let name = entry.file_name().into_string().ok()?;
+            let step = name.strip_prefix("checkpoint-")?.parse().ok()?;
+            let path = entry.path();
+            path.join(FILE).is_file().then_some((Step(step), path))
+        })
+        .collect();
+    checkpoints.sort_unstable();
+    checkpoints
+}
+
+/// Returns the nearest checkpoint of a run from which a step can be reached again: at or before the step, without a
+/// live intervention between both, which a run from the checkpoint would lack.
+#[must_use]
+pub fn nearest(
+    run: &Path,
+    step: Step,
+    log: &FaultLog,
+    changes: &[ValueChange],
+) -> Option<(Step, PathBuf)> {
+    let accepted = log.accepted.iter().map(|live| live.step);
+    let cleared = log.ended.iter().filter(|ended| ended.cleared);
+    let live = changes.iter().filter(|change| change.live);
+    let interventions = accepted
+        .chain(cleared.map(|ended| ended.step))
+        .chain(live.map(|change| change.step));
+    let last = interventions.filter(|one| *one < step.0).max();
+    let usable = |at: Step| at <= step && last.is_none_or(|last| at.0 > last);
+    of_run(run).into_iter().rev().find(|(at, _)| usable(*at))
+}
+
+/// Returns the command line that continues from a checkpoint and is held at a step, as words of a shell.
+#[must_use]
+pub fn command_line(checkpoint: &Path, step: Step, rate: Rate) -> String {
+    let folder = checkpoint.display().to_string();
+    let folder = shlex::try_quote(&folder).map_or_else(|_| folder.clone(), Into::into);
+    let at_s = rate.seconds(step);
+    format!("hil run --from {folder} --pause-at {at_s} --panel")
 }
 
 /// Returns the steps before which the state is saved, in increasing order; the run begins at `first`.

@@ -1,16 +1,18 @@
 //! Outcome of a recorded run, whatever the state of its recording: its readable records, and the facts of the run up to
 //! the last of them.
 //!
-//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once and returns what the recorder would have
+//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once, in two threads, and returns what the recorder would have
 //! returned if the run had ended there.
 
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::mpsc::{channel, sync_channel};
 
 use hil_config::plan::Clock;
 use hil_console::terminal::exit::Failure;
 use hil_recording::reader::{ReadError, RunReader};
-use shared_types::record::Outcome;
+use shared_types::digest::Digest;
+use shared_types::record::{Event, Outcome};
 
 use crate::results::collector::Collector;
 use crate::results::ended::EndedRun;
@@ -22,6 +24,11 @@ use crate::results::recorded::Recorded;
 use crate::results::recorded_run::RecordedRun;
 use crate::results::resumed::first_step;
 use crate::results::summary::Summary;
+
+/// Words of a batch of records: enough to be worth the way to another thread, and few enough for its cache.
+const BATCH_WORDS: usize = 1 << 15;
+/// Maximum number of batches on their way.
+const BATCHES: usize = 4;
 
 /// Recording, read as far as possible.
 pub struct RecordedOutcome {
@@ -60,13 +67,92 @@ fn judge(
     Ok((recorded, Some(evaluation)))
 }
 
+/// Records and events in the order of the file, on their way from the reader to the collector.
+#[derive(Default)]
+struct Batch {
+    /// Words of the records, one after the other.
+    words: Vec<u64>,
+    /// Events, each with the number of records in the batch before it.
+    events: Vec<(usize, Event)>,
+}
+
+/// Reads a recording to its end in this thread, and collects its facts and its digest in another one; returns the
+/// number of records and events, and the damage.
+fn collect(
+    reader: &mut RunReader,
+    mut collector: Collector,
+    places: &TimingPlaces,
+) -> (u64, Option<ReadError>, Digest, Collector) {
+    let (width, hashed, first) = (
+        reader.columns().len(),
+        reader.hashed_words(),
+        first_step(reader),
+    );
+    let (send, batches) = sync_channel::<Batch>(BATCHES);
+    let (give_back, empty) = channel::<Batch>();
+    let mut digest = Digest::default();
+    let take = move || {
+        for mut batch in batches {
+            let mut events = batch.events.drain(..).peekable();
+            let mut hear = |collector: &mut Collector, digest: &mut Digest, number: usize| {
+                while let Some((_, event)) = events.next_if(|(before, _)| *before <= number) {
+                    digest.event(&event);
+                    // A malformed fault event is left out.
+                    let _ = collector.event(&event);
+                }
+            };
+            for (number, words) in batch.words.chunks_exact(width).enumerate() {
+                hear(&mut collector, &mut digest, number);
+                digest.record(&words[..hashed]);
+                // Records copied from the continued run took no time of this one.
+                collector.is_past = words[0] < first;
+                collector.record(words, &places.timing(words));
+            }
+            hear(&mut collector, &mut digest, usize::MAX);
+            drop(events);
+            batch.words.clear();
+            let _ = give_back.send(batch); // the reader may be at its end
+        }
+        (digest, collector)
+    };
+    std::thread::scope(|scope| {
+        let taking = scope.spawn(take);
+        let (mut messages, mut batch) = (0, Batch::default());
+        let damage = loop {
+            let advanced = reader.advance();
+            let number = batch.words.len() / width;
+            messages += reader.events().len() as u64;
+            let events = reader.events().iter().cloned();
+            batch.events.extend(events.map(|event| (number, event)));
+            match advanced {
+                Ok(true) => {}
+                Ok(false) => break None,
+                Err(error) => break Some(error),
+            }
+            messages += 1;
+            batch.words.extend_from_slice(reader.words());
+            if batch.words.len() >= BATCH_WORDS {
+                let next = empty.try_recv().unwrap_or_default();
+                // The other thread ends before this one only by a panic, which is passed on below.
+                let _ = send.send(std::mem::replace(&mut batch, next));
+            }
+        };
+        let _ = send.send(batch); // as above
+        drop(send);
+        match taking.join() {
+            Ok((digest, collector)) => (messages, damage, digest, collector),
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    })
+}
+
 impl RecordedOutcome {
     /// Reads a recording and judges it by its own scenario or by another one.
     ///
     /// # Errors
     /// If the file is not a recording.
     pub fn of(run: &Path, by: Option<&Path>) -> Result<Self, ReadError> {
-        let mut reader = RunReader::open(run)?.patient();
+        let mut reader = RunReader::open(run)?.patient().without_digest();
         let (run, evaluation) = match judge(&reader, run, by) {
             Ok((run, evaluation)) => (Ok(run), evaluation),
             Err(failure) => (Err(failure), None),
@@ -78,26 +164,8 @@ impl RecordedOutcome {
         if let Ok(run) = &run {
             collector.held_commands = run.held_commands(&reader);
         }
-        let first = first_step(&reader);
         let places = TimingPlaces::of(&reader);
-        let mut messages = 0;
-        let damage = loop {
-            let advanced = reader.advance();
-            for event in reader.events() {
-                messages += 1;
-                // A malformed fault event is left out.
-                let _ = collector.event(event);
-            }
-            match advanced {
-                Ok(true) => {}
-                Ok(false) => break None,
-                Err(error) => break Some(error),
-            }
-            messages += 1;
-            // Records copied from the continued run took no time of this one.
-            collector.is_past = reader.step() < first;
-            collector.record(reader.words(), &places.timing(reader.words()));
-        };
+        let (messages, damage, digest, mut collector) = collect(&mut reader, collector, &places);
         collector.conclude();
         let number = |name| reader.result(name).and_then(|text| text.parse().ok());
         let (written, is_excerpt) = (reader.records(), reader.is_excerpt());
@@ -106,7 +174,10 @@ impl RecordedOutcome {
             _ => 0,
         };
         let lost: u64 = number("lost").unwrap_or_else(missing);
-        let digest = Some(reader.digest());
+        let digest = Some(match is_excerpt {
+            true => reader.digest(),
+            false => digest.finish(),
+        });
         let recorded = Recorded {
             records: number("records").unwrap_or(if is_excerpt && written > 0 {
                 reader.step() + 1

@@ -303,6 +303,7 @@ impl Session {
         let interventions = Interventions {
             log: &recorded.faults,
             changes: &changes,
+            keeps_waiting: false,
         };
         let [plant, controller] = run.described();
         let plan = run.plan().clone();

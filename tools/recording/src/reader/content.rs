@@ -153,7 +153,6 @@ impl Content {
                             let (header, packed) =
                                 chunk_of(data).map_err(|what| damaged(what.into()))?;
                             self.compression.clone_from(&header.compression);
-                            self.chunk.clear();
                             self.next = 0;
                             unpack_whole(&header, packed, &mut self.chunk).map_err(damaged)?;
                             continue;
@@ -353,16 +352,16 @@ pub(super) fn unpack_chunk(data: &[u8], into: &mut Vec<u8>) -> Result<(), String
     unpack_whole(&header, packed, into)
 }
 
-/// Unpacks a complete chunk.
+/// Unpacks a complete chunk in place of what `into` has.
 fn unpack_whole(header: &ChunkHeader, packed: &[u8], into: &mut Vec<u8>) -> Result<(), String> {
     let (size, limit) = (header.uncompressed_size, LONGEST_RECORD);
-    if size > limit as u64 {
-        return Err(format!(
-            "a chunk of {size} bytes, above the limit of {limit}"
-        ));
-    }
-    if packed.len() as u64 != header.compressed_size {
-        return Err(NOT_AS_LONG.into());
+    let is_too_long = size > limit as u64;
+    if is_too_long || packed.len() as u64 != header.compressed_size {
+        into.clear();
+        return Err(match is_too_long {
+            true => format!("a chunk of {size} bytes, above the limit of {limit}"),
+            false => NOT_AS_LONG.into(),
+        });
     }
     unpack::whole(&header.compression, packed, size as usize, into)?;
     let (saved, computed) = (header.uncompressed_crc, || crc32fast::hash(into));

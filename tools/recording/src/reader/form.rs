@@ -4,7 +4,7 @@
 //! assumes that an attachment has a checksum; damaged files violate both. Only records that belong to a run are parsed.
 //! Format: <https://mcap.dev/spec>.
 
-use mcap::records::{Record, op};
+use mcap::records::{MessageHeader, Record, op};
 
 /// Part of a record.
 #[derive(Clone, Copy)]
@@ -50,7 +50,30 @@ pub(super) fn parse(opcode: u8, content: &[u8]) -> Result<Record<'_>, String> {
             "a record of {bytes} bytes is too short for its {name}"
         ));
     }
+    if opcode == op::MESSAGE {
+        // Nearly all records: the library takes several times as long for the same 22 bytes.
+        return Ok(message(content));
+    }
     mcap::parse_record(opcode, content).map_err(|error| error.to_string())
+}
+
+/// Parses a message, which is long enough.
+fn message(content: &[u8]) -> Record<'_> {
+    let mut rest = content;
+    let header = MessageHeader {
+        channel_id: u16::from_le_bytes(first(&mut rest)),
+        sequence: u32::from_le_bytes(first(&mut rest)),
+        log_time: u64::from_le_bytes(first(&mut rest)),
+        publish_time: u64::from_le_bytes(first(&mut rest)),
+    };
+    let data = rest.into();
+    Record::Message { header, data }
+}
+
+/// Splits off the first bytes, zeros if there are too few.
+fn first<const N: usize>(rest: &mut &[u8]) -> [u8; N] {
+    let bytes = rest.split_off(..N).and_then(<[u8]>::first_chunk);
+    bytes.copied().unwrap_or([0; N])
 }
 
 /// Returns the length of a chunk's head, if the head is complete.

@@ -90,7 +90,6 @@ impl SpanReader {
                 path: self.path.clone(),
                 error,
             })?;
-            chunk.clear();
             content::unpack_chunk(&packed, &mut chunk)
                 .map_err(|what| self.damaged(location, what))?;
             let mut rest = &chunk[..];

@@ -109,3 +109,29 @@ fn damaged_input_never_yields_more_than_the_limit() {
         }
     }
 }
+
+#[test]
+fn the_only_block_of_the_recorder_is_unpacked_in_place() {
+    let content = content();
+    let mut encoder = crate::lz4::Encoder::new(0);
+    encoder.plain(&content);
+    let packed = encoder.finish().to_vec();
+    assert!(only_block(&packed).is_some());
+    // What was there before, longer or shorter, is replaced.
+    for before in [0, 10, 2 * content.len()] {
+        let mut output = vec![7; before];
+        whole("lz4", &packed, content.len(), &mut output).expect("a whole chunk");
+        assert!(output == content);
+    }
+    let cut = &packed[..packed.len() - 1];
+    for (packed, size) in [
+        (&packed[..], content.len() - 1),
+        (&packed, content.len() + 1),
+        (&packed, 1 << 40),
+        (cut, content.len()),
+    ] {
+        let mut output = vec![7; 10];
+        whole("lz4", packed, size, &mut output).expect_err("another size");
+        assert!(output.is_empty() && output.capacity() < 2 * content.len() + (1 << 20));
+    }
+}

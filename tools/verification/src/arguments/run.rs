@@ -83,4 +83,7 @@ pub struct RunPanelArguments {
     /// With --panel: print the address only; open no browser
     #[arg(long, requires = "panel")]
     pub no_open: bool,
+    /// The process with which the run ends
+    #[arg(long, value_name = "PID", hide = true, requires = "panel")]
+    pub owner: Option<u32>,
 }

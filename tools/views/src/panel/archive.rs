@@ -28,8 +28,9 @@ use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 use crate::report::grid::Grid;
 use crate::report::plots::plots;
+use crate::report::reading::Signals;
 use crate::report::rows::Rows;
-use crate::report::run::{Run, Signals};
+use crate::report::run::Run;
 
 /// Recorded run.
 pub(crate) struct Archive {

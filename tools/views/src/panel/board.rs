@@ -1,12 +1,13 @@
 //! State shared by the pages of a session: its model, its actions and its end.
 
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Mutex, OnceLock, PoisonError};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use glob::Pattern;
 use hil_config::plan::Clock;
 use hil_facts::session::inject;
 use hil_facts::session::live::{RequestError, refused_text};
+use hil_recording::reader::RECORDING;
 use hil_session::live;
 use hil_session::session::SessionInfo;
 use serde_json::{Value, json};
@@ -15,6 +16,7 @@ use shared_types::record::RecordLayout;
 use tungstenite::Message;
 
 use super::archive::Archive;
+use super::branches::{Branches, Trunk};
 use super::kept;
 use super::message::{Action, ClientMessage};
 use crate::monitor::SharedModel;
@@ -39,6 +41,8 @@ pub(crate) struct Board {
     over: Option<Archive>,
     /// Initial width of the time axis in s.
     pub(super) window_s: f64,
+    /// Runs that branch from this one.
+    pub(super) branches: Arc<Branches>,
     /// Faults and signals of the session, once it has answered.
     possible: OnceLock<(Possible, RecordLayout)>,
     /// Serialises actions.
@@ -54,12 +58,21 @@ impl Board {
         window_s: f64,
         over: Option<Archive>,
     ) -> Self {
+        let recording = session
+            .run_dir
+            .as_ref()
+            .map(|folder| folder.join(RECORDING));
+        let branches = Branches::of(Trunk {
+            recording: recording.filter(|recording| recording.exists()),
+            is_live: true,
+        });
         Self {
             session,
             model,
             buttons,
             over,
             window_s,
+            branches,
             possible: OnceLock::new(),
             doing: Mutex::new(()),
             is_over: AtomicBool::new(false),

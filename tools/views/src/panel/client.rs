@@ -10,6 +10,7 @@ use std::time::{Duration, Instant};
 
 use hil_session::clock::monotonic_ns;
 use serde_json::Value;
+use shared_types::time::Step;
 use tungstenite::{Error, WebSocket};
 
 use super::board::Board;
@@ -61,6 +62,8 @@ pub(crate) struct Client<'a> {
     seen: u32,
     /// Edition of the log, and the number of events sent.
     logged: (u32, usize),
+    /// Edition of the branches sent last.
+    branched: u32,
     work: SyncSender<Errand>,
     answers: Receiver<String>,
 }
@@ -97,6 +100,7 @@ impl<'a> Client<'a> {
             sent: 0,
             seen: 0,
             logged: (0, 0),
+            branched: 0,
             work,
             answers,
         }
@@ -121,6 +125,9 @@ impl<'a> Client<'a> {
                 if let (false, Some(about)) = (is_described, self.board.about()) {
                     is_described = true;
                     self.wire.say(about.to_string().into())?;
+                }
+                if let Some(branches) = self.board.branches.news(&mut self.branched) {
+                    self.wire.say(branches.to_string().into())?;
                 }
                 while let Ok(answer) = self.answers.try_recv() {
                     self.wire.say(answer.into())?;
@@ -204,6 +211,7 @@ impl<'a> Client<'a> {
                         self.wire.say(message::answer(number, &busy).into())?;
                     }
                 }
+                ClientMessage::Branch { step } => self.board.branches.start(Step(step)),
                 other => {
                     if let Some(answer) = self.board.answer(&other) {
                         self.wire.say(answer)?;

@@ -91,6 +91,11 @@ pub enum ClientMessage {
         /// Formula.
         formula: String,
     },
+    /// Requests a new run that repeats this one up to a step and is held there.
+    Branch {
+        /// Step before which the new run is held.
+        step: u64,
+    },
     /// Requests an action on the session.
     Do {
         /// Number, repeated in the answer.
@@ -189,6 +194,7 @@ pub fn parse(text: &str) -> Result<ClientMessage, String> {
             ref signals,
             ..
         } if !is_span(from, to, signals) => Err("invalid part of the run".into()),
+        ClientMessage::Branch { step } if step > LAST_STEP => Err("invalid step".into()),
         message => Ok(message),
     }
 }
@@ -307,6 +313,7 @@ mod tests {
             r#"{"ask":"read","number":3,"from":0,"to":0,"most":1,"signals":[],"over":true}"#,
             r#"{"ask":"measure","number":3,"from":5,"to":100,"signals":[1]}"#,
             r#"{"ask":"where","number":3,"formula":"abs(truth.x_m) < 1"}"#,
+            r#"{"ask":"branch","step":1500}"#,
             r#"{"ask":"do","number":1,"action":{"kind":"pause"}}"#,
             r#"{"ask":"do","number":2,"action":{"kind":"clear","fault":null}}"#,
             r#"{"ask":"do","number":2,"action":{"kind":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
@@ -333,6 +340,9 @@ mod tests {
             r#"{"ask":"read","number":3,"from":0,"to":8,"most":800,"signals":[-1]}"#,
             r#"{"ask":"measure","number":3,"from":9,"to":8,"signals":[0]}"#,
             r#"{"ask":"where","number":3,"formula":"x < 1","file":"/etc/passwd"}"#,
+            r#"{"ask":"branch","step":-1}"#,
+            r#"{"ask":"branch","step":2000000000000}"#,
+            r#"{"ask":"branch","step":5,"out":"/tmp"}"#,
         ] {
             parse(text).expect_err(text);
         }

@@ -11,9 +11,10 @@ use crate::pages::{CLOSER, CLOSER_STYLE, LENS, drawer, range_fields};
 use crate::report::page::{UPLOT, UPLOT_STYLE};
 
 /// Parts of the page's own script, in order: they are the body of one function.
-const SCRIPT: [&str; 3] = [
+const SCRIPT: [&str; 4] = [
     include_str!("assets/panel.js"),
     include_str!("assets/closer.js"),
+    include_str!("assets/branches.js"),
     include_str!("assets/connection.js"),
 ];
 const STYLE: &str = include_str!("assets/panel.css");
@@ -94,8 +95,8 @@ fn page(nonce: &str) -> String {
                 noscript { p.note { "The panel needs a browser with JavaScript." } }
                 p #status .toast role="status" aria-live="polite" {}
                 p #armed role="alert" hidden {
-                    "Inject " code #armed-words {} "?" br;
-                    kbd { "y" } " injects it, any other key cancels."
+                    span #armed-verb { "Inject" } " " code #armed-words {} "?" br;
+                    kbd { "y" } " " span #armed-does { "injects it" } ", any other key cancels."
                 }
                 script nonce=(nonce) { (PreEscaped(UPLOT)) }
                 script nonce=(nonce) { (PreEscaped(PAGE)) }
@@ -256,7 +257,11 @@ fn branch() -> Markup {
             h2 { "Branch from here" }
             p #branch-says {}
             pre { code #branch-command {} }
-            button #copy-branch type="button" { "Copy" }
+            div.row {
+                button #branch type="button" { "Branch" }
+                button #copy-branch type="button" { "Copy" }
+            }
+            ul #branches {}
         }
     }
 }

@@ -1,7 +1,7 @@
 //! `hil panel RUN`: the panel's page for a recorded run, without a session.
 //!
 //! Serves an [`Archive`] by the same server, and so to the same visitors, as a session. A page cannot act on a
-//! recording.
+//! recording, but can start a new run that [branches](super::branches) from it.
 
 use std::net::TcpStream;
 use std::path::Path;
@@ -14,9 +14,11 @@ use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::session::live;
 use serde_json::json;
+use shared_types::time::Step;
 use tungstenite::{Error, WebSocket};
 
 use super::archive::Archive;
+use super::branches::{Branches, Trunk};
 use super::message::{self, ClientMessage};
 use super::server::{Server, Source};
 use super::wire::{LISTEN, Wire};
@@ -43,9 +45,14 @@ pub(super) fn open(arguments: &PanelArguments, run: &Path) -> Result<Exit, Failu
     let archive = Archive::open(run, &arguments.signal)?;
     let over = laid_over(arguments, archive.hz())?;
     interruption.check()?;
+    let branches = Branches::of(Trunk {
+        recording: Some(run.to_owned()),
+        is_live: false,
+    });
     let server = Server::start(Arc::new(Recorded {
         archive,
         over,
+        branches: Arc::clone(&branches),
         window_s: arguments.window,
         is_over: AtomicBool::new(false),
     }))?;
@@ -59,7 +66,8 @@ pub(super) fn open(arguments: &PanelArguments, run: &Path) -> Result<Exit, Failu
         output::write(&format!("panel of {run}: {url}\n"))?;
     }
     let opened = (!arguments.no_open).then(|| opener::open(&url)).flatten();
-    stay(&server, &interruption);
+    stay(&server, &branches, &interruption);
+    branches.end();
     drop(server);
     drop(opened);
     Ok(Exit::Pass)
@@ -78,12 +86,12 @@ pub(super) fn laid_over(arguments: &PanelArguments, hz: f64) -> Result<Option<Ar
     Ok(Some(over))
 }
 
-/// Waits for Ctrl-C, or until every page has been closed for a while.
-fn stay(server: &Server, interruption: &Interruption) {
+/// Waits for Ctrl-C, or until every page has been closed for a while and no branch is alive.
+fn stay(server: &Server, branches: &Branches, interruption: &Interruption) {
     let mut open_at = None;
     while !interruption.came() {
         let now = Instant::now();
-        if server.clients() > 0 {
+        if server.clients() > 0 || branches.is_busy() {
             open_at = Some(now);
         }
         if open_at.is_some_and(|open_at| now > open_at + LINGER) {
@@ -97,6 +105,7 @@ fn stay(server: &Server, interruption: &Interruption) {
 struct Recorded {
     archive: Archive,
     over: Option<Archive>,
+    branches: Arc<Branches>,
     /// Width of the time axis to begin with in s, if it is not the whole run.
     window_s: Option<f64>,
     is_over: AtomicBool,
@@ -120,7 +129,7 @@ impl Recorded {
         let mut state_at = Instant::now();
         let mut log = Log::default();
         log.hear(self.archive.log().to_vec());
-        let mut sent = (0, 0);
+        let (mut sent, mut branched) = ((0, 0), 0);
         let names = self.archive.names();
         while !self.is_over.load(Ordering::Acquire) {
             wire.tend()?;
@@ -134,7 +143,13 @@ impl Recorded {
                 if let Some(events) = message::log(&log, &mut sent) {
                     wire.say(events.to_string().into())?;
                 }
+                if let Some(branches) = self.branches.news(&mut branched) {
+                    wire.say(branches.to_string().into())?;
+                }
                 for request in requests(&mut wire)? {
+                    if let ClientMessage::Branch { step } = request {
+                        self.branches.start(Step(step));
+                    }
                     let archive = match &self.over {
                         Some(over) if request.is_of_other_run() => over,
                         _ => &self.archive,

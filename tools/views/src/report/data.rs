@@ -13,7 +13,8 @@ use shared_types::time::Step;
 use super::envelope::{Envelope, Written, runs_of};
 use super::grid::Grid;
 use super::plots::Plot;
-use super::run::{Run, Signals};
+use super::reading::Signals;
+use super::run::Run;
 
 /// Complete data of a report.
 #[derive(Debug, Serialize)]

@@ -4,6 +4,8 @@
 //! follow mean and RMS between two buckets. A bucket of one step shows the value itself, in single precision where that
 //! is enough.
 
+use std::ops::Range;
+
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
@@ -73,28 +75,16 @@ impl Envelope {
         }
     }
 
-    /// Adds a value; NaN is ignored.
-    #[inline]
-    pub(crate) fn take(&mut self, bucket: usize, value: f64) {
-        if value.is_nan() {
-            return;
-        }
-        let (least, greatest) = (&mut self.least[bucket], &mut self.greatest[bucket]);
-        if least.is_nan() || value < *least {
-            *least = value;
-        }
-        if greatest.is_nan() || value > *greatest {
-            *greatest = value;
-        }
-        let sums = &mut self.sums[bucket];
-        sums.values += value;
-        sums.squares += value * value;
-        sums.count += 1;
-    }
-
     /// Returns the number of values in each bucket.
     pub(super) fn counts(&self) -> impl Iterator<Item = u32> {
         self.sums.iter().map(|sums| sums.count)
+    }
+
+    /// Takes over some buckets of another envelope.
+    pub(super) fn insert(&mut self, other: &Self, buckets: Range<usize>) {
+        self.least[buckets.clone()].copy_from_slice(&other.least[buckets.clone()]);
+        self.greatest[buckets.clone()].copy_from_slice(&other.greatest[buckets.clone()]);
+        self.sums[buckets.clone()].copy_from_slice(&other.sums[buckets]);
     }
 
     /// Returns the minimum and maximum of a bucket, NaN without a value; `None` beyond the last bucket.
@@ -214,6 +204,65 @@ impl Envelope {
     }
 }
 
+/// Values of several signals in one bucket, side by side because a record touches all of them.
+pub(super) struct Bucket {
+    least: Vec<f64>,
+    greatest: Vec<f64>,
+    values: Vec<f64>,
+    squares: Vec<f64>,
+    counts: Vec<u32>,
+}
+
+impl Bucket {
+    /// Creates a bucket without values.
+    pub(super) fn new(signals: usize) -> Self {
+        Self {
+            least: vec![f64::INFINITY; signals],
+            greatest: vec![f64::NEG_INFINITY; signals],
+            values: vec![0.0; signals],
+            squares: vec![0.0; signals],
+            counts: vec![0; signals],
+        }
+    }
+
+    /// Adds a value of each signal; NaN is ignored.
+    pub(super) fn take(&mut self, values: &[f64]) {
+        // A comparison with NaN is false.
+        for (least, &value) in self.least.iter_mut().zip(values) {
+            *least = if value < *least { value } else { *least };
+        }
+        for (greatest, &value) in self.greatest.iter_mut().zip(values) {
+            *greatest = if value > *greatest { value } else { *greatest };
+        }
+        let sums = self.values.iter_mut().zip(&mut self.squares);
+        for ((sum, squares), &value) in sums.zip(values) {
+            // A sum of positive zero and other numbers is never negative zero, so zero changes nothing.
+            let value = if value.is_nan() { 0.0 } else { value };
+            *sum += value;
+            *squares += value * value;
+        }
+        for (count, value) in self.counts.iter_mut().zip(values) {
+            *count += u32::from(!value.is_nan());
+        }
+    }
+
+    /// Moves the values into a bucket of the signals' envelopes, which has none.
+    pub(super) fn close(&mut self, envelopes: &mut [Envelope], bucket: usize) {
+        for (signal, envelope) in envelopes.iter_mut().enumerate() {
+            if self.counts[signal] > 0 {
+                envelope.least[bucket] = self.least[signal];
+                envelope.greatest[bucket] = self.greatest[signal];
+                envelope.sums[bucket] = Sums {
+                    values: self.values[signal],
+                    squares: self.squares[signal],
+                    count: self.counts[signal],
+                };
+            }
+        }
+        *self = Self::new(envelopes.len());
+    }
+}
+
 /// Writes numbers with many equal neighbours: each number and how often it follows.
 pub(super) fn runs_of(numbers: impl Iterator<Item = u32>) -> Vec<[u32; 2]> {
     let mut runs: Vec<[u32; 2]> = Vec::new();
@@ -244,28 +293,31 @@ fn text_of(values: &[f64], is_double: bool) -> String {
 mod tests {
     use super::*;
 
+    /// Creates an envelope of buckets with these values.
+    fn of(buckets: &[&[f64]]) -> Envelope {
+        let mut envelopes = [Envelope::new(buckets.len())];
+        let mut open = Bucket::new(1);
+        for (number, values) in buckets.iter().enumerate() {
+            values.iter().for_each(|value| open.take(&[*value]));
+            open.close(&mut envelopes, number);
+        }
+        let [envelope] = envelopes;
+        envelope
+    }
+
     #[test]
     fn a_spike_of_one_step_is_kept_at_its_full_height() {
-        let mut envelope = Envelope::new(3);
-        for step in 0..300_u32 {
-            let value = if step == 123 {
-                -7.5
-            } else {
-                f64::from(step % 2)
-            };
-            envelope.take((step / 100) as usize, value);
-        }
+        let mut values: Vec<f64> = (0..300_u32).map(|step| f64::from(step % 2)).collect();
+        values[123] = -7.5;
+        let envelope = of(&values.chunks(100).collect::<Vec<_>>());
         assert_eq!(envelope.least, [0.0, -7.5, 0.0]);
         assert_eq!(envelope.greatest, [1.0, 1.0, 1.0]);
     }
 
     #[test]
     fn missing_values_leave_a_gap() {
-        let mut envelope = Envelope::new(2);
-        envelope.take(1, f64::NAN);
-        assert!(!envelope.exists());
-        envelope.take(1, 2.0);
-        envelope.take(1, f64::NAN);
+        assert!(!of(&[&[], &[f64::NAN]]).exists());
+        let envelope = of(&[&[], &[f64::NAN, 2.0, f64::NAN]]);
         assert!(envelope.exists() && envelope.least[0].is_nan());
         assert_eq!((envelope.least[1], envelope.greatest[1]), (2.0, 2.0));
         assert_eq!(envelope.constant(), None);
@@ -281,9 +333,7 @@ mod tests {
             ([0.0, 1e-300], true),
             ([1e6, 1e6 + 1e-6], true),
         ] {
-            let mut envelope = Envelope::new(2);
-            envelope.take(0, values[0]);
-            envelope.take(1, values[1]);
+            let envelope = of(&[&values[..1], &values[1..]]);
             let Written::Values {
                 is_double,
                 least,
@@ -303,18 +353,13 @@ mod tests {
 
     #[test]
     fn mean_and_deviation_are_written_for_buckets_whose_written_ends_differ() {
-        let mut envelope = Envelope::new(4);
-        for (bucket, values) in [
-            (0, &[0.0, 1.0, 1.0, 2.0][..]),
-            (1, &[5.0]),
-            (3, &[-1.0, 3.0]),
-        ] {
-            values
-                .iter()
-                .for_each(|value| envelope.take(bucket, *value));
-        }
-        // One that single precision does not tell apart.
-        [1.0, 1.0 + 1e-12].map(|value| envelope.take(2, value));
+        // The third is one that single precision does not tell apart.
+        let envelope = of(&[
+            &[0.0, 1.0, 1.0, 2.0],
+            &[5.0],
+            &[1.0, 1.0 + 1e-12],
+            &[-1.0, 3.0],
+        ]);
         let Written::Values { sums, .. } = envelope.written() else {
             panic!("values");
         };
@@ -329,11 +374,9 @@ mod tests {
 
     #[test]
     fn a_constant_is_written_once_and_other_values_in_little_endian() {
-        let mut envelope = Envelope::new(2);
-        envelope.take(0, 1.0);
-        envelope.take(1, 1.0);
-        assert_eq!(envelope.written(), Written::Constant { value: 1.0 });
-        envelope.take(1, 2.0);
+        let constant = of(&[&[1.0], &[1.0]]).written();
+        assert_eq!(constant, Written::Constant { value: 1.0 });
+        let envelope = of(&[&[1.0], &[2.0]]);
         // 1.0 is 00 00 80 3f and 2.0 is 00 00 00 40.
         let expected = Written::Values {
             is_double: false,

@@ -4,6 +4,8 @@
 //! zooming in on a fault shows every step, and the file remains small. Times are nanoseconds, so runs of different
 //! rates share one grid.
 
+use std::ops::Range;
+
 use shared_types::time::{Rate, Step};
 
 /// Number of evenly spaced buckets of a run.
@@ -74,6 +76,17 @@ impl Grid {
             bucket += 1;
         }
         bucket
+    }
+
+    /// Returns a first and a last step between which all steps of some buckets are, in a run that ends at step `last`.
+    pub(crate) fn span(&self, buckets: Range<usize>, rate: Rate, last: Step) -> [Step; 2] {
+        let step = |bucket: usize| match self.edges_ns.get(bucket) {
+            Some(ns) => rate.step_at_or_after(*ns as f64 / 1e9),
+            None => last,
+        };
+        // Nanoseconds are rounded.
+        let before = step(buckets.start).0.saturating_sub(1);
+        [Step(before), Step((step(buckets.end).0 + 1).min(last.0))]
     }
 
     /// Returns the starts of the buckets in s.

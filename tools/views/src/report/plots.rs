@@ -5,7 +5,8 @@ use serde::Serialize;
 
 use super::envelope::Envelope;
 use super::grid::Grid;
-use super::run::{Run, Signals};
+use super::reading::Signals;
+use super::run::Run;
 use crate::plots::bounds::{Bound, Other};
 use crate::plots::words::Words;
 use crate::plots::{self, Choice, Subject, Values};

@@ -2,6 +2,8 @@
 //!
 //! Used to draw recorded runs. Judges nothing and reads no file.
 
+use std::ops::Range;
+
 use hil_config::plan::Derived;
 use hil_facts::results::evaluation::RecordEvaluation;
 use hil_recording::reader::Column;
@@ -21,8 +23,12 @@ const TIMES: [&str; 7] = [
 /// Conversion of records to values.
 pub(crate) struct Rows {
     columns: Vec<Column>,
-    /// Index among the words, and `true` for a time, of each recorded column.
-    places: Vec<(usize, bool)>,
+    /// Number of columns that are recorded; derived ones follow.
+    recorded: usize,
+    /// Successive words that are signals: indices among the values, and of the first word.
+    signals: Vec<(Range<usize>, usize)>,
+    /// Times and ages: index among the values, and of the word.
+    times: Vec<(usize, usize)>,
     derived: Option<RecordEvaluation>,
     validity: Option<Validity>,
     /// Index of the first signal among the words.
@@ -38,7 +44,8 @@ impl Rows {
         validity: Option<Validity>,
         derived: Option<(Vec<Derived>, RecordEvaluation)>,
     ) -> Self {
-        let (mut columns, mut places) = (Vec::new(), Vec::new());
+        let mut columns = Vec::new();
+        let (mut runs, mut times) = (Vec::<(Range<usize>, usize)>::new(), Vec::new());
         for (place, word) in words.iter().enumerate() {
             let is_time = TIMES.contains(&word.name.as_str());
             if word.is_signal() || is_time {
@@ -47,11 +54,21 @@ impl Rows {
                     (true, name) if name.ends_with("_steps") => "steps",
                     (true, _) => "ns",
                 };
+                let value = columns.len();
+                match runs.last_mut() {
+                    _ if is_time => times.push((value, place)),
+                    Some((values, first))
+                        if (values.end, *first + values.len()) == (value, place) =>
+                    {
+                        values.end += 1;
+                    }
+                    _ => runs.push((value..value + 1, place)),
+                }
                 let (name, unit) = (word.name.clone(), unit.to_owned());
                 columns.push(Column { name, unit });
-                places.push((place, is_time));
             }
         }
+        let recorded = columns.len();
         let (signals, derived) = derived.unzip();
         let signals = signals.into_iter().flatten();
         columns.extend(signals.map(|one: Derived| Column {
@@ -61,8 +78,10 @@ impl Rows {
         let first = words.iter().position(Column::is_signal);
         Self {
             values: vec![f64::NAN; columns.len()],
+            recorded,
             columns,
-            places,
+            signals: runs,
+            times,
             derived,
             validity,
             first: first.unwrap_or(0),
@@ -90,14 +109,18 @@ impl Rows {
             }
             words = &self.valid_words;
         }
-        let (recorded, computed) = self.values.split_at_mut(self.places.len());
-        for (value, (place, is_time)) in recorded.iter_mut().zip(&self.places) {
-            let word = words[*place];
-            *value = match is_time {
-                false => f64::from_bits(word),
-                // 0 means no time and no age: nothing was exchanged or due.
-                true if word > 0 => word as f64,
-                true => f64::NAN,
+        let (recorded, computed) = self.values.split_at_mut(self.recorded);
+        for (values, first) in &self.signals {
+            let words = &words[*first..*first + values.len()];
+            for (value, word) in recorded[values.clone()].iter_mut().zip(words) {
+                *value = f64::from_bits(*word);
+            }
+        }
+        for (value, place) in &self.times {
+            recorded[*value] = match words[*place] {
+                // No time and no age: nothing was exchanged or due.
+                0 => f64::NAN,
+                word => word as f64,
             };
         }
         if let Some(evaluation) = &mut self.derived {

@@ -1,7 +1,7 @@
 //! Recorded run as shown in a report.
 //!
-//! Read twice: first for its results, which determine the times of interest; then for its signals as envelopes over the
-//! resulting grid. Neither pass stores records, so memory does not grow with the length of a run.
+//! Read twice: first for its results, which determine the times of interest; then for its [signals](super::reading) as
+//! envelopes over the resulting grid. Neither pass stores records, so memory does not grow with the length of a run.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,20 +9,18 @@ use std::path::{Path, PathBuf};
 use hil_config::plan::{self, Plan, Trace};
 use hil_console::files::runs::SUMMARY;
 use hil_console::terminal::exit::Failure;
-use hil_facts::results::evaluation::RecordEvaluation;
+use hil_facts::checkpoint;
 use hil_facts::results::handover::Laws;
 use hil_facts::results::latency::spikes::KEPT;
 use hil_facts::results::outcome::RecordedOutcome;
 use hil_facts::results::recorded_run::RecordedRun;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
 use hil_facts::results::summary::{Metric, Missed};
-use hil_recording::reader::{ReadError, RunReader};
+use hil_recording::reader::folder_of;
 use serde_json::Value;
 use shared_types::time::{Rate, Step};
 
-use super::envelope::Envelope;
-use super::grid::Grid;
-use super::rows::Rows;
+use super::reading::Reading;
 
 /// Result of a run.
 pub(crate) struct Run {
@@ -201,120 +199,28 @@ impl Run {
             .collect()
     }
 
+    /// Returns the command line that reaches a time again from the nearest checkpoint; `None` if no checkpoint can.
+    pub(crate) fn branch_at(&self, at_s: f64) -> Option<String> {
+        let step = self.rate.step_at_or_after(at_s);
+        let recorded = &self.outcome.recorded;
+        let (folder, log) = (folder_of(&self.path), &recorded.faults);
+        let (_, from) = checkpoint::nearest(folder, step, log, &recorded.values)?;
+        // No run is held at its end.
+        let is_before_end = self.plan().is_some_and(|plan| step.0 < plan.run.steps);
+        is_before_end.then(|| checkpoint::command_line(&from, step, self.rate))
+    }
+
     /// Prepares the reading of the run's signals.
     pub(crate) fn reading<'a>(&'a self, extra: &'a [plan::Derived]) -> Reading<'a> {
+        let is_sound = self.outcome.damage.is_none() && self.outcome.reader.is_whole();
         Reading {
             path: &self.path,
             rate: self.rate,
+            last: self.last,
             run: self.recorded_run.as_ref(),
             extra,
+            records: is_sound.then_some(self.outcome.recorded.written),
         }
-    }
-}
-
-/// Inputs for reading the signals of a run.
-pub(crate) struct Reading<'a> {
-    path: &'a Path,
-    rate: Rate,
-    run: Option<&'a RecordedRun>,
-    /// Signals to compute in addition to those of the scenario.
-    extra: &'a [plan::Derived],
-}
-
-impl Reading<'_> {
-    /// Reads the signals over a grid, including derived ones. A signal has no value where it is marked invalid.
-    ///
-    /// # Errors
-    /// If the recording cannot be read any more.
-    pub(crate) fn signals(&self, grid: &Grid) -> Result<Signals, ReadError> {
-        let mut reader = RunReader::open(self.path)?.without_digest().patient();
-        let mut rows = self.rows(&reader);
-        let mut signals = Signals::default();
-        for column in rows.columns() {
-            signals.push(&column.name, &column.unit, grid);
-        }
-        signals.records = vec![0; grid.len()];
-        let mut bucket = 0;
-        // If later records are damaged, shows those read so far.
-        while let Ok(true) = reader.advance() {
-            let step = Step(reader.step());
-            bucket = grid.bucket(bucket, self.rate.nanoseconds(step));
-            signals.records[bucket] += 1;
-            let values = rows.values(reader.words());
-            for (envelope, value) in signals.envelopes.iter_mut().zip(values) {
-                envelope.take(bucket, *value);
-            }
-        }
-        signals.forget_missing();
-        Ok(signals)
-    }
-
-    /// Prepares the conversion of records to values.
-    pub(crate) fn rows(&self, reader: &RunReader) -> Rows {
-        let validity = self.run.map(|run| run.validity(reader));
-        Rows::new(reader.columns(), validity, self.derived(reader))
-    }
-
-    /// Returns the derived and the extra signals with their evaluation; `None` for an excerpt, which lacks their
-    /// inputs.
-    fn derived(&self, reader: &RunReader) -> Option<(Vec<plan::Derived>, RecordEvaluation)> {
-        let run = self.run.filter(|_| !reader.is_excerpt())?;
-        let (columns, _) = run.columns(reader).ok()?;
-        let mut plan = run.plan.clone().without_judgement();
-        let is_known = |name: &str| {
-            columns.index_of(name).is_some() || plan.derived.iter().any(|one| one.name == name)
-        };
-        let can_be = |one: &&plan::Derived| {
-            (one.source.expression()).is_none_or(|expression| expression.signals().all(is_known))
-        };
-        let extra: Vec<_> = self.extra.iter().filter(can_be).cloned().collect();
-        plan.derived.extend(extra);
-        let evaluation = run.evaluation(reader, &plan).ok()?;
-        Some((plan.derived, evaluation))
-    }
-}
-
-/// Signals of a run over a grid.
-#[derive(Default)]
-pub struct Signals {
-    names: Vec<(String, String)>,
-    envelopes: Vec<Envelope>,
-    /// Number of records in each bucket.
-    records: Vec<u32>,
-}
-
-impl Signals {
-    fn push(&mut self, name: &str, unit: &str, grid: &Grid) {
-        self.names.push((name.to_owned(), unit.to_owned()));
-        self.envelopes.push(Envelope::new(grid.len()));
-    }
-
-    /// Removes signals that never had a value.
-    fn forget_missing(&mut self) {
-        let names = std::mem::take(&mut self.names);
-        let envelopes = std::mem::take(&mut self.envelopes);
-        (self.names, self.envelopes) = (names.into_iter().zip(envelopes))
-            .filter(|(_, envelope)| envelope.exists())
-            .unzip();
-    }
-
-    /// Returns name, unit and envelope of each signal.
-    pub fn iter(&self) -> impl Iterator<Item = (&str, &str, &Envelope)> {
-        let names = self.names.iter();
-        (names.zip(&self.envelopes))
-            .map(|((name, unit), envelope)| (name.as_str(), unit.as_str(), envelope))
-    }
-
-    /// Returns the number of records in each bucket.
-    pub(super) fn records(&self) -> impl Iterator<Item = u32> {
-        self.records.iter().copied()
-    }
-
-    /// Returns the envelope of a signal.
-    pub fn get(&self, name: &str) -> Option<&Envelope> {
-        self.iter()
-            .find(|one| one.0 == name)
-            .map(|(.., envelope)| envelope)
     }
 }
 

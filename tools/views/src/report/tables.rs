@@ -108,7 +108,7 @@ pub(super) fn requirements(runs: &[Run]) -> Markup {
                 th scope="row" { (one.name) br; code.formula { (one.formula) } }
                 @for (number, run) in runs.iter().enumerate() {
                     td { @match run.requirements.iter().find(|judged| judged.name == one.name) {
-                        Some(judged) => (margin(number, judged)),
+                        Some(judged) => (margin(number, run, judged)),
                         None => "-",
                     } }
                 }
@@ -118,18 +118,21 @@ pub(super) fn requirements(runs: &[Run]) -> Markup {
     }
 }
 
-fn margin(run: usize, judged: &Requirement) -> Markup {
+fn margin(number: usize, run: &Run, judged: &Requirement) -> Markup {
     html! {
         (badge(judged.outcome())) " "
         @if let Some(robustness) = judged.robustness {
             @if let Some(at_s) = judged.at_s {
-                button.link type="button" data-requirement=(judged.name) data-run=(run) data-at=(at_s) {
+                button.link type="button" data-requirement=(judged.name) data-run=(number) data-at=(at_s) {
                     (short_in(robustness, &judged.unit)) " at " (seconds(at_s)) " s"
                 }
             } @else { (short_in(robustness, &judged.unit)) }
         }
         @if let Some(premise) = &judged.vacuous { br; span.hint { (why_vacuous(premise)) } }
         @if let Some(decided_s) = judged.decided_at_s { br; span.hint { "certain at " (seconds(decided_s)) " s" } }
+        @if let Some(line) = judged.at_s.and_then(|at_s| run.branch_at(at_s)) {
+            details.branch { summary { "Branch from here" } code { (line) } }
+        }
     }
 }
 

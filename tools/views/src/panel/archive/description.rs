@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use hil_facts::checkpoint;
 use hil_facts::results::requirements;
 use hil_recording::reader::{Column, folder_of};
 use serde_json::{Value, json};
@@ -106,22 +107,9 @@ pub(super) fn state(run: &Run) -> Value {
 
 /// Lists the checkpoints in the folder of a run, by their steps.
 fn checkpoints(path: &Path, rate: Rate) -> Vec<Value> {
-    let entries = std::fs::read_dir(folder_of(path))
-        .into_iter()
-        .flatten()
-        .flatten();
-    let mut checkpoints: Vec<(u64, String)> = entries
-        .filter_map(|entry| {
-            let name = entry.file_name().into_string().ok()?;
-            let step = name.strip_prefix("checkpoint-")?.parse().ok()?;
-            let is_whole = entry.path().join("checkpoint.json").is_file();
-            is_whole.then(|| (step, entry.path().display().to_string()))
-        })
-        .collect();
-    checkpoints.sort_unstable();
-    checkpoints.truncate(CHECKPOINTS);
-    let json = checkpoints.into_iter().map(|(step, folder)| {
-        json!({ "step": step, "time_s": rate.seconds(Step(step)), "folder": folder })
+    let all = checkpoint::of_run(folder_of(path)).into_iter();
+    let json = all.take(CHECKPOINTS).map(|(step, folder)| {
+        json!({ "step": step.0, "time_s": rate.seconds(step), "folder": folder.display().to_string() })
     });
     json.collect()
 }

@@ -1,5 +1,5 @@
-// Looking closer at a run: the range in sight, two cursors and what they measure, the times at which a formula holds,
-// the list of everything, and the checkpoint from which a run can go on.
+// Looking closer at a run: the range in sight, two cursors and what they measure, the times at which a formula holds
+// and the list of everything.
 
 // ---- The range ----
 
@@ -181,29 +181,13 @@ const entries = () => {
   add("action", "Whole run", "Home", () => axis.all());
   if (!about.recorded) add("action", "Follow the newest records", "End", () => follow());
   add("action", "Clear the cursors", "c", () => cursors.clear());
+  if (!byId("branch").disabled) add("action", "Branch from here", "", armBranch);
   add("action", "Light or dark", "", () => byId("theme").click());
   if (about.recorded) add("action", "Search for a formula", "w", () => focusIn(byId("where")));
   return list;
 };
 const palette = paletteOf(entries);
 byId("find").addEventListener("click", () => palette.open());
-
-// ---- On from a checkpoint ----
-
-const showBranch = () => {
-  const list = about.checkpoints ?? [];
-  byId("branch-box").hidden = !list.length;
-  if (!list.length) return;
-  const step = cursors.steps[0];
-  const before = step === null ? list : list.filter((one) => one.step <= step);
-  const one = before.at(-1);
-  byId("branch-command").parentElement.hidden = byId("copy-branch").hidden = !one;
-  if (!one) return write(byId("branch-says"), `No checkpoint lies before cursor A; the first is at ${seconds(list[0].time_s)} s.`);
-  const gap = step === null ? "the last checkpoint; cursor A chooses another" : step === one.step ? "exactly at cursor A" : `${seconds((step - one.step) * period())} s before cursor A`;
-  write(byId("branch-says"), `From step ${one.step} (${seconds(one.time_s)} s): ${gap}.`);
-  write(byId("branch-command"), `hil run --from ${quoted(one.folder)}`);
-};
-byId("copy-branch").addEventListener("click", () => drawer.copy(byId("branch-command").textContent + "\n", "the command"));
 
 // ---- Keys ----
 

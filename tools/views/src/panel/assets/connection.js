@@ -63,6 +63,7 @@ const heard = (data) => {
   else if (told.tell === "answer") answered(told);
   else if (told.tell === "measured") takeFigures(told);
   else if (told.tell === "where") listOccurrences(told);
+  else if (told.tell === "branches") listBranches(told);
   else if (told.tell === "unreadable") trouble(told.text, false);
   else if (told.tell === "over") {
     isOver = true;

@@ -542,7 +542,10 @@ const show = (told) => {
   write(byId("pause"), told.state === "paused" ? "Resume" : "Pause");
   write(byId("readings-title"), about?.recorded ? "Readings at cursor A" : ending ? "Final readings" : "Readings");
   enable();
-  if (about) shade();
+  if (about) {
+    shade();
+    showBranch();
+  }
   requirements(told.requirements);
   faults(told.faults);
   if (told.told && told.told !== before?.told) say(told.told, tones[verdictOf(ending)]);
@@ -944,6 +947,9 @@ const arm = (button) => {
   armed = button;
   byId("armed").hidden = false;
   byId("armed-words").replaceChildren(button.title);
+  const [verb, does] = button.words ?? ["Inject", "injects it"];
+  write(byId("armed-verb"), verb);
+  write(byId("armed-does"), does);
   clearTimeout(disarming);
   disarming = setTimeout(leave, ARMED_MS);
 };
@@ -954,8 +960,9 @@ const disarm = () => {
 };
 const leave = () => {
   if (!armed) return;
+  const text = armed.words?.[2] ?? "not injected";
   disarm();
-  write(byId("status"), "not injected");
+  write(byId("status"), text);
 };
 addEventListener("pointerdown", leave);
 addEventListener("blur", leave);
