@@ -451,7 +451,7 @@
   };
   const swatch = (run) => make("span", undefined, { class: "swatch", "data-run": run });
   const figureOf = (title, parent) => {
-    const figure = make("figure", make("figcaption", title), { class: "plot", tabindex: 0, role: "group", "aria-label": "Plot: " + title });
+    const figure = make("figure", make("figcaption", title), { class: "plot", tabindex: 0, "aria-label": "Plot: " + title });
     for (const name of ["tools", "canvas", "legend"]) figure.append(make("div", undefined, { class: name }));
     parent.append(figure);
     return figure;

@@ -547,13 +547,13 @@
     context.restore();
     plot.line.textContent = worst ? `, line: case ${worst.case}` : "";
   };
-  // What a plot shows under the pointer.
+  // The range of all cases and the median under the pointer.
   const readTimed = (plot, x) => {
     const { bins, bin_s } = data.envelopes;
     const bin = Math.min(Math.max(Math.floor(((x - plot.left) / plot.inner) * bins), 0), bins - 1);
     const between = (low, high) => reachShown(plot.curves[low * bins + bin], plot.curves[high * bins + bin], plot.spec);
     const all = between(0, CURVES - 1);
-    return all ? `near ${seconds((bin + 0.5) * bin_s)} s all ${all}, median ${between(3, 4)}` : "";
+    return all ? `${seconds((bin + 0.5) * bin_s)} s: ${all}, median ${between(3, 4)}` : "";
   };
   const addTimed = (envelopes) => {
     const names = [...new Set(envelopes.worst.map((one) => one.requirement))];
