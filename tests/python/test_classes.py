@@ -108,6 +108,18 @@ class Classes(unittest.TestCase):
             session.step_to()
             self.assertEqual(session.step_index, 5000)
 
+    def test_an_exception_of_this_package_has_the_place_of_the_class(self):
+        class Closes(spring_mass.Pid):
+            """A law that closes its session."""
+
+            def step(self, sample):
+                own[0].close()
+
+        own = [None]
+        with hil.Session(SPRING, law=law(Closes)) as own[0]:
+            with self.assertRaisesRegex(hil.InfrastructureError, r"cannot close it \(test_classes.py line \d+, in step\)"):
+                own[0].step()
+
     def test_a_plant_that_diverges_is_a_result_with_its_text(self):
         class Leaves(spring_mass.SpringMass):
             """A mass that leaves its range."""

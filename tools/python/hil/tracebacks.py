@@ -24,7 +24,8 @@ def describe(error: BaseException) -> Tuple[str, str]:
         return _printable(line), text(error)
     if foreign is None:
         return _printable(message or line), ""
-    frame = extract_tb(foreign)[-1]
+    # The last one that is not of this package: a method may call a session.
+    frame = [frame for frame in extract_tb(foreign) if not frame.filename.startswith(_OWN)][-1]
     place = f"{os.path.basename(frame.filename)} line {frame.lineno}, in {frame.name}"
     return _printable(f"{line} ({place})"), text(error)
 
