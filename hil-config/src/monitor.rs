@@ -234,12 +234,15 @@ impl Monitors {
     }
 
     /// Returns the premise for which a formula holds vacuously: the formula holds even if the conclusion of that
-    /// premise counts as false. `None` if there is no such premise, or it is not certain yet.
+    /// premise counts as false. Of nested ones the outermost: the inner ones follow from it. `None` if there is no such
+    /// premise, or it is not certain yet.
     #[must_use]
     pub fn vacuous(&self, formula: usize) -> Option<&str> {
         let with_premises = (self.implications.iter()).zip(&self.judgements[self.formulas()..]);
         let holds = |one: &Judgement| one.verdict() == Verdict::Pass;
+        // Operands come first, so the outermost premise is the last one.
         with_premises
+            .rev()
             .filter(|((of, _), without)| *of == formula && holds(without))
             .map(|((_, premise), _)| premise.as_str())
             .find(|_| holds(&self.judgements[formula]))

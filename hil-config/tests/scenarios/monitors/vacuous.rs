@@ -55,6 +55,15 @@ fn a_pass_is_vacuous_if_its_conclusion_was_never_called_for() {
             "always(truth.a > 4 implies truth.a > 3 implies truth.a < 6)",
             None,
         ),
+        // An outer premise that never held leaves the inner one unused, whether or not that one held.
+        (
+            "always(truth.a > 9 implies (truth.a > 4 implies truth.a < 6))",
+            Some("truth.a > 9"),
+        ),
+        (
+            "always(truth.a > 9 implies eventually[0s,0.1s](truth.a > 4 implies truth.a < 6))",
+            Some("truth.a > 9"),
+        ),
         // A premise that did not hold at one step is enough for `eventually`.
         (
             "eventually[0s,0.5s](truth.a > 2 implies truth.a < 6)",
