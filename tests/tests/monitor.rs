@@ -10,7 +10,7 @@ use serde_json::Value;
 
 use crate::pseudo_terminal::open_terminal;
 use crate::support::harness::{Rig, ended, send, until};
-use crate::support::programs::{program, workspace};
+use crate::support::programs::{program, shipped, workspace};
 use crate::support::terminal::Terminal;
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
@@ -98,6 +98,22 @@ fn the_terminal_is_restored_however_the_view_ends() {
     terminal.press("x");
     assert_eq!(terminal.wait().code(), Some(0));
     terminal.assert_restored("the session's end");
+    run.finish().expect(0);
+}
+
+#[test]
+fn a_vacuous_requirement_is_no_pass_in_the_view_and_at_the_end() {
+    let rig = Rig::new();
+    let far = "[[requirements]]\nname = \"far\"\nformula = \"always(truth.position_m > 5 implies truth.position_m < 1)\"\n";
+    let scenario = rig.write("far.toml", &(shipped(SCENARIO) + far));
+    let run = rig.start(&format!("{} --pause-at 4.9", scenario.display()));
+    until("the run is held", || json_state(&rig) == "paused");
+    let mut terminal = monitor(&rig, &[]);
+    rig.in_session("resume").expect(0);
+    terminal.until_it_shows("spring-mass ended: pass, 1 vacuous");
+    terminal.until_it_shows("vacuous  far");
+    terminal.press("q");
+    assert_eq!(terminal.wait().code(), Some(0));
     run.finish().expect(0);
 }
 

@@ -290,3 +290,20 @@ fn a_session_has_a_recorded_run_behind_it_at_the_same_rate() {
     rig.in_session("resume").expect(0);
     run.finish().expect(0);
 }
+
+#[test]
+fn a_vacuous_requirement_is_no_pass_in_the_panel() {
+    let rig = Rig::new();
+    let far = "[[requirements]]\nname = \"far\"\nformula = \"always(truth.position_m > 5 implies truth.position_m < 1)\"\n";
+    let scenario = rig.write(
+        "far.toml",
+        &(crate::support::programs::shipped(SCENARIO) + far),
+    );
+    let run = rig.run(&format!("{} --link in-process", scenario.display()));
+    let run = run.expect(0);
+    let panel = Panel::recorded(&rig, &run.folder, &[]);
+    let state = Page::open(&panel.url).hear("state");
+    assert_eq!(state["ending"]["verdict_in_words"], "pass, 1 vacuous");
+    assert_eq!(state["requirements"][2]["vacuous"], "truth.position_m > 5");
+    assert_eq!(state["requirements"][0]["vacuous"], Value::Null);
+}

@@ -126,6 +126,14 @@ pub fn in_words(verdict: &str, requirements: usize) -> &str {
     }
 }
 
+/// Returns the verdict of a run in words, with the number of its vacuous requirements.
+pub fn with_vacuous(words: &str, vacuous: usize) -> String {
+    match vacuous {
+        0 => words.into(),
+        count => format!("{words}, {count} {VACUOUS}"),
+    }
+}
+
 /// Writes the table of requirements, and the formulas of those that did not pass.
 pub fn write(text: &mut String, requirements: &[Requirement]) -> std::fmt::Result {
     if requirements.is_empty() {

@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use shared_types::live::Refusal;
 
 use super::happening::Happening;
+use crate::results::requirements::VACUOUS;
 
 /// Name of the socket in the session's folder.
 const SOCKET: &str = "standing";
@@ -45,6 +46,20 @@ pub struct Standing {
     pub unit: String,
     /// Simulated time in s at which the verdict became certain.
     pub decided_at_s: Option<f64>,
+    /// Premise that never called for its conclusion, once it is certain that the pass shows nothing.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub vacuous: Option<String>,
+}
+
+impl Standing {
+    /// Returns the verdict, or `vacuous` for a pass that shows nothing.
+    #[must_use]
+    pub fn outcome(&self) -> &str {
+        match self.vacuous {
+            Some(_) => VACUOUS,
+            None => &self.verdict,
+        }
+    }
 }
 
 /// Returns the state of every requirement of a run, in the scenario's order.
@@ -61,6 +76,7 @@ pub fn of(evaluation: &Evaluation) -> Vec<Standing> {
             at_most: finite(at_most),
             unit: value.unit,
             decided_at_s: value.decided_at_s,
+            vacuous: value.vacuous,
         })
         .collect()
 }
@@ -192,6 +208,7 @@ mod tests {
             at_most: Some(0.5),
             unit: "m".into(),
             decided_at_s: None,
+            vacuous: None,
         };
         while askers.iter().any(|asker| !asker.is_finished()) {
             board.answer(|| vec![standing.clone()]);

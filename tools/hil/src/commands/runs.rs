@@ -13,7 +13,7 @@ use hil_console::files::runs::{self, RUNS, RunFolder, SCENARIO};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_console::terminal::table::{Table, left, right};
-use hil_facts::results::requirements::{self, VACUOUS};
+use hil_facts::results::requirements;
 use hil_session::session;
 use serde::{Deserialize, Serialize};
 use shared_types::number::short_in;
@@ -269,11 +269,8 @@ fn table(runs: &[Run]) -> Table {
 
 /// Returns the verdict in words, with the number of vacuous requirements.
 fn verdict(run: &Run) -> String {
-    let word = requirements::in_words(run.verdict.name(), run.requirements);
-    match run.vacuous {
-        0 => word.into(),
-        vacuous => format!("{word}, {vacuous} {VACUOUS}"),
-    }
+    let words = requirements::in_words(run.verdict.name(), run.requirements);
+    requirements::with_vacuous(words, run.vacuous)
 }
 
 /// Formats a time for the user.

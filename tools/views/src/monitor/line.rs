@@ -1,7 +1,7 @@
 //! One-line or JSON summary of the session: for scripts, and for the terminal after the view has closed.
 
 use hil_console::terminal::duration::shown_ns;
-use hil_facts::results::requirements;
+use hil_facts::results::requirements::{self, VACUOUS};
 use serde_json::{Map, Value, json};
 
 use super::model::{Ending, Judged, Model};
@@ -10,7 +10,7 @@ use super::model::{Ending, Judged, Model};
 pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
     let mut text = format!("{} ended: ", model.plan().name);
     text += &match (&ending.verdict, ending.outcome) {
-        (Some(_), _) => in_words(model, ending).unwrap_or_default().to_owned(),
+        (Some(_), _) => in_words(model, ending).unwrap_or_default(),
         (None, _) if ending.is_abandoned => "hil is gone without a summary".into(),
         (None, Some(outcome)) => outcome.name().into(),
         (None, None) if ending.is_gone => "without an outcome".into(),
@@ -33,12 +33,14 @@ pub(crate) fn ended(model: &Model, ending: &Ending) -> String {
 }
 
 /// Returns the verdict in words for the user, if there is one.
-fn in_words<'a>(model: &Model, ending: &'a Ending) -> Option<&'a str> {
+fn in_words(model: &Model, ending: &Ending) -> Option<String> {
     let verdict = ending.verdict.as_deref()?;
-    Some(requirements::in_words(
-        verdict,
-        model.plan().requirements.len(),
-    ))
+    let words = requirements::in_words(verdict, model.plan().requirements.len());
+    let vacuous = match model.judged() {
+        Judged::Known(standings) => standings.iter().filter(|one| one.vacuous.is_some()).count(),
+        Judged::Unknown | Judged::Silent => 0,
+    };
+    Some(requirements::with_vacuous(words, vacuous))
 }
 
 /// Describes the state of the session in one line.
@@ -61,11 +63,16 @@ pub(crate) fn text(model: &Model, now_ns: u64) -> String {
         parts.push(format!("round trip {p50} p50, {p99} p99"));
     }
     if let Judged::Known(standings) = model.judged() {
-        let counts = [("fail", "FAIL"), ("undecided", "open"), ("pass", "pass")];
+        let counts = [
+            ("fail", "FAIL"),
+            ("undecided", "open"),
+            (VACUOUS, VACUOUS),
+            ("pass", "pass"),
+        ];
         for (verdict, word) in counts {
             match standings
                 .iter()
-                .filter(|one| one.verdict == verdict)
+                .filter(|one| one.outcome() == verdict)
                 .count()
             {
                 0 => {}

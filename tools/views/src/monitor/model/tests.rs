@@ -245,6 +245,7 @@ fn an_answer_after_the_end_does_not_replace_the_summary() {
         at_most: None,
         unit: "m".into(),
         decided_at_s: None,
+        vacuous: None,
     };
     let mut model = attached(spring_mass(), &[]);
     model.hear_standings(Some(Vec::new()));

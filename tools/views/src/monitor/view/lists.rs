@@ -1,5 +1,6 @@
 //! Requirements and faults, one per line; if not all of them fit, the most important ones come first.
 
+use hil_facts::results::requirements::VACUOUS;
 use hil_facts::session::standing::Standing;
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -59,7 +60,7 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
     let count = |verdict: &str| {
         standings
             .iter()
-            .filter(|one| one.verdict == verdict)
+            .filter(|one| one.outcome() == verdict)
             .count()
     };
     let part = |verdict: &'static str, word: &'static str| match count(verdict) {
@@ -72,6 +73,7 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
             bold("requirements"),
             part("fail", "FAIL"),
             part("undecided", "open"),
+            part(VACUOUS, VACUOUS),
             part("pass", "pass"),
         ],
     )];
@@ -81,29 +83,32 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
         .max()
         .unwrap_or(0);
     // Failed requirements are never hidden.
-    let order = |one: &&Standing| match one.verdict.as_str() {
+    let order = |one: &&Standing| match one.outcome() {
         "fail" => 0,
         "undecided" => 1,
-        _ => 2,
+        VACUOUS => 2,
+        _ => 3,
     };
     let mut sorted: Vec<&Standing> = standings.iter().collect();
     sorted.sort_by_key(order);
     lines.extend(sorted.into_iter().map(|one| {
-        let word = match one.verdict.as_str() {
+        let word = match one.outcome() {
             "fail" => "FAIL",
             "undecided" => "open",
-            _ => "pass",
+            word => word,
         };
-        let decided = one
-            .decided_at_s
-            .map_or(String::new(), |at_s| format!("at {} s", time(at_s, model)));
+        let remark = match (&one.vacuous, one.decided_at_s) {
+            (Some(premise), _) => format!("`{premise}` never called for its conclusion"),
+            (None, Some(at_s)) => format!("at {} s", time(at_s, model)),
+            (None, None) => String::new(),
+        };
         fitting(
             width,
             vec![
-                Span::styled(word, emphasis(abilities, &one.verdict)),
+                Span::styled(word.to_owned(), emphasis(abilities, one.outcome())),
                 Span::from(format!("{:<name_width$}", one.name)),
                 Span::from(margin(one)),
-                Span::from(decided),
+                Span::from(remark),
             ],
         )
     }));

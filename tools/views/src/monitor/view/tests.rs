@@ -30,6 +30,7 @@ fn busy() -> Model {
                 at_most: Some(1.25),
                 unit: "rad".into(),
                 decided_at_s: (number <= 2).then_some(7.0),
+                vacuous: (number == 1).then(|| "a > 1".into()),
             })
             .collect(),
     ));
@@ -133,6 +134,10 @@ fn a_usual_terminal_shows_every_unpassed_requirement_and_the_active_fault() {
     for number in 0..7 {
         assert!(wide.contains(&format!("requirement_{number}")), "{wide}");
     }
+    assert!(
+        wide.contains("vacuous  requirement_1  2.5e-4 rad"),
+        "{wide}"
+    );
     assert!(
         wide.contains("1 leakage  waiting  for step 80000  actuator1"),
         "{wide}"

@@ -83,11 +83,15 @@ pub(super) fn state(run: &Run) -> Value {
         json!({
             "name": one.name, "verdict": one.verdict, "robustness": one.robustness, "unit": one.unit,
             "at_least": null, "at_most": null, "decided_at_s": one.decided_at_s, "at_s": one.at_s,
-            "formula": one.formula,
+            "formula": one.formula, "vacuous": one.vacuous,
         })
     });
     let last = run.last.0;
-    let verdict = requirements::in_words(&run.verdict, run.requirements.len());
+    let vacuous = run.requirements.iter().filter(|one| one.vacuous.is_some());
+    let verdict = requirements::with_vacuous(
+        requirements::in_words(&run.verdict, run.requirements.len()),
+        vacuous.count(),
+    );
     json!({
         "tell": "state",
         "state": "recorded",

@@ -176,7 +176,7 @@ const entries = () => {
   for (const one of notes) add("mark", one.label, `${seconds(one.from_s)} s`, () => goToTime(one.from_s));
   for (const one of state?.requirements ?? []) {
     const time = one.at_s ?? one.decided_at_s;
-    add("requirement", one.name, one.verdict, () => (isNothing(time) ? focusIn(byId("requirements-box")) : goToTime(time)));
+    add("requirement", one.name, outcomeOf(one), () => (isNothing(time) ? focusIn(byId("requirements-box")) : goToTime(time)));
   }
   add("action", "Whole run", "Home", () => axis.all());
   if (!about.recorded) add("action", "Follow the newest records", "End", () => follow());

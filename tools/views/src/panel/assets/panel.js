@@ -524,6 +524,7 @@ const badge = (element, text, tone) => {
   write(element, text);
   element.dataset.tone = tone ?? "";
 };
+const outcomeOf = (one) => (one.vacuous ? "vacuous" : one.verdict);
 const verdictOf = (ending) => ending.verdict_in_words ?? ending.outcome ?? "ended";
 let shownRequirements = "";
 const show = (told) => {
@@ -558,12 +559,15 @@ const requirements = (list) => {
   shownRequirements = text;
   byId("requirements-box").hidden = !list?.length;
   const rows = (list ?? []).map((one) => {
-    const verdict = make("span", one.verdict === "undecided" ? "open" : one.verdict, { class: "badge", "data-tone": tones[one.verdict] });
+    const outcome = outcomeOf(one);
+    const verdict = make("span", outcome === "undecided" ? "open" : outcome, { class: "badge", "data-tone": tones[outcome] ?? "" });
+    const name = make("td", parted(one.name));
+    if (one.vacuous) name.append(make("div", `${one.vacuous} never called for its conclusion`, { class: "hint" }));
     const margin = one.robustness !== null ? shown(one.robustness, one.unit)
       : one.at_most !== null ? "≤ " + shown(one.at_most, one.unit)
         : one.at_least !== null ? "≥ " + shown(one.at_least, one.unit) : "-";
     const row = make("tr");
-    row.append(make("td", verdict), make("td", parted(one.name)), make("td", margin, { class: "n" }));
+    row.append(make("td", verdict), name, make("td", margin, { class: "n" }));
     return row;
   });
   byId("requirements").replaceChildren(...rows);
