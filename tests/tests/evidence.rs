@@ -268,3 +268,28 @@ fn a_run_that_is_given_twice_is_refused() {
 fn remove(path: &Path) {
     std::fs::remove_file(path).expect("removed");
 }
+
+#[test]
+fn a_copy_of_a_run_counts_once_and_is_named() {
+    let rig = Rig::new();
+    let runs = runs(&rig);
+    let copy = rig.path("copy");
+    std::fs::create_dir(&copy).expect("a folder");
+    let summary = runs[0].folder.join("summary.json");
+    std::fs::copy(summary, copy.join("summary.json")).expect("copied");
+    let [first, second] = [0, 1].map(|place| runs[place].folder.to_str().expect("plain"));
+    let copy = copy.to_str().expect("plain");
+    let out = rig.path("evidence").display().to_string();
+    let words = ["export", first, copy, second, "--evidence", &out, "--force"];
+    let written = rig
+        .hil(&[&words[..], &["--json"]].concat())
+        .expect(0)
+        .json();
+    assert_eq!(
+        (&written["runs"], &written["tests"]),
+        (&json!(2), &json!(4))
+    );
+    assert_eq!(written["copies"], json!([{ "folder": copy, "of": first }]));
+    let line = format!("{copy} is a copy of {first}; its tests count once");
+    rig.hil(&words).expect(0).prints(&[&line]);
+}

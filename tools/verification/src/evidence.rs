@@ -8,7 +8,8 @@ mod needs;
 mod run;
 mod table;
 
-use std::collections::HashSet;
+use std::collections::hash_map::Entry;
+use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -17,7 +18,7 @@ use hil_console::terminal::exit::Failure;
 use serde::Serialize;
 
 use listed::Listed;
-use run::RecordedRun;
+use run::{Identity, RecordedRun};
 
 /// File names of the three forms.
 const FILES: [&str; 3] = ["evidence.csv", "junit.xml", "needs.json"];
@@ -42,6 +43,8 @@ pub struct Evidence {
     pub files: Vec<PathBuf>,
     /// Number of runs.
     pub runs: usize,
+    /// Folders that are copies of a run, whose tests count once.
+    pub copies: Vec<RunCopy>,
     /// Number of requirements of their scenarios, counted in each run.
     pub tests: usize,
     /// Number of those that passed.
@@ -54,15 +57,25 @@ pub struct Evidence {
     pub unlinked: usize,
 }
 
+/// Copy of a run in another folder.
+#[derive(Debug, Serialize)]
+pub struct RunCopy {
+    /// Folder of the copy.
+    pub folder: PathBuf,
+    /// Folder of the run that counts.
+    pub of: PathBuf,
+}
+
 /// Writes the evidence of runs.
 ///
 /// # Errors
 /// If a run has no summary or is listed twice, the list cannot be read, or a file exists or cannot be written.
 pub fn write(request: &Request<'_>) -> Result<Evidence, Failure> {
     let listed = request.needs.map(listed::read).transpose()?;
-    let runs: Vec<RecordedRun> =
+    let mut runs: Vec<RecordedRun> =
         (request.runs.iter().map(|path| RecordedRun::read(path))).collect::<Result<_, _>>()?;
     refuse_repeated(&runs)?;
+    let copies = remove_copies(&mut runs);
     let folder = request.folder;
     fs::create_dir_all(folder)
         .map_err(|error| Failure::usage(format!("cannot create {}: {error}", folder.display())))?;
@@ -89,6 +102,7 @@ pub fn write(request: &Request<'_>) -> Result<Evidence, Failure> {
     Ok(Evidence {
         files: files.into(),
         runs: runs.len(),
+        copies,
         tests: tests().count(),
         passed: tests().filter(|test| test.outcome() == "pass").count(),
         untested: untested.iter().map(|listed| listed.id.clone()).collect(),
@@ -110,6 +124,27 @@ fn refuse_repeated(runs: &[RecordedRun]) -> Result<(), Failure> {
             run.folder.display()
         )))
     })
+}
+
+/// Removes the copies of runs in other folders, and returns each with the folder whose tests count.
+fn remove_copies(runs: &mut Vec<RecordedRun>) -> Vec<RunCopy> {
+    let mut counted: HashMap<Identity, PathBuf> = HashMap::new();
+    let mut copies = Vec::new();
+    runs.retain(|run| match run.identity().map(|id| counted.entry(id)) {
+        None => true,
+        Some(Entry::Vacant(first)) => {
+            first.insert(run.folder.clone());
+            true
+        }
+        Some(Entry::Occupied(first)) => {
+            copies.push(RunCopy {
+                folder: run.folder.clone(),
+                of: first.get().clone(),
+            });
+            false
+        }
+    });
+    copies
 }
 
 /// Returns the listed requirements that no run verifies.
@@ -143,6 +178,10 @@ impl Evidence {
             ..
         } = self;
         let mut text = format!("{tests} tests in {runs} runs, {passed} passed\n");
+        for RunCopy { folder, of } in &self.copies {
+            let (folder, of) = (folder.display(), of.display());
+            text += &format!("{folder} is a copy of {of}; its tests count once\n");
+        }
         for (ids, what) in [
             (&self.untested, "without a test"),
             (&self.unknown, "verified but not listed"),

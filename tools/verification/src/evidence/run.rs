@@ -21,6 +21,9 @@ pub(super) struct RecordedRun {
     pub(super) set: Vec<String>,
     #[serde(default, deserialize_with = "line_if_any")]
     pub(super) started_utc: Option<String>,
+    /// Name of the session.
+    #[serde(default, deserialize_with = "line_of")]
+    session: String,
     /// Level of evidence, such as `sil`.
     #[serde(default, deserialize_with = "line_of")]
     pub(super) evidence: String,
@@ -79,7 +82,30 @@ pub(super) struct Program {
     pub(super) blake3: String,
 }
 
+/// Facts that two summaries share only if they are of the same run.
+#[derive(Debug, PartialEq, Eq, Hash)]
+pub(super) struct Identity {
+    session: String,
+    started_utc: String,
+    digest: Option<String>,
+    scenario: String,
+    set: Vec<String>,
+    wall_time_bits: u64,
+}
+
 impl RecordedRun {
+    /// Returns the identity; `None` without a start time.
+    pub(super) fn identity(&self) -> Option<Identity> {
+        Some(Identity {
+            session: self.session.clone(),
+            started_utc: self.started_utc.clone()?,
+            digest: self.digest.clone(),
+            scenario: self.scenario.clone(),
+            set: self.set.clone(),
+            wall_time_bits: self.wall_time_s.to_bits(),
+        })
+    }
+
     /// Reads the summary in the folder of a run, or beside its recording.
     pub(super) fn read(path: &Path) -> Result<Self, Failure> {
         let folder = match path.parent() {
