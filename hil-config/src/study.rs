@@ -333,6 +333,12 @@ impl Study {
         if is_varied && problem.kind == ProblemKind::WrongType && value.parse::<f64>().is_ok() {
             help += "; set `whole = true` in its [[vary]] to draw whole numbers, or use a list of whole numbers";
         }
+        if self.faults.is_some()
+            && faults::is_appended(key)
+            && problem.kind == ProblemKind::Duplicate
+        {
+            help += "; [faults] gives its fault and its metric these names: choose others in the scenario";
+        }
         Problem {
             source: self.sources.name(place.source).into(),
             excerpt: Some(self.sources.excerpt(place)),

@@ -1,5 +1,7 @@
 //! Faults that a study tries one after the other: kinds, targets, sizes and onsets, and the flags of each.
 
+use std::fmt;
+
 use super::Item;
 
 /// Name of the varied value that chooses the fault of a case, and of the metric that times its detection.
@@ -8,6 +10,11 @@ pub const FAULT: &str = "fault";
 pub(super) const APPENDED_FAULT: &str = "faults[+]";
 /// Key that appends the metric of its detection.
 const APPENDED_METRIC: &str = "metrics[+]";
+/// Returns `true` if a flag with this key is one of the table of faults.
+pub(super) fn is_appended(key: &str) -> bool {
+    [APPENDED_FAULT, APPENDED_METRIC].contains(&key)
+}
+
 /// Name of the event.
 const TRIED: &str = "tried";
 /// Alarm of a variant without a detector.
@@ -122,7 +129,7 @@ impl TriedFault {
             (self.duration_s).map_or_else(String::new, |s| format!(", duration_s = {s:?}"));
         let kind = quoted(&self.kind);
         Item::Table {
-            label: format!("{} {} at {:?} s", self.kind, self.effect(), self.onset_s),
+            label: self.to_string(),
             toml: format!(
                 "{{ name = \"{TRIED}\", kind = {kind}, at_s = {:?}{duration}, effects = [{{ {} }}] }}",
                 self.onset_s,
@@ -135,6 +142,12 @@ impl TriedFault {
     #[must_use]
     pub fn flag(&self) -> String {
         format!("{APPENDED_FAULT}={}", self.item().toml())
+    }
+}
+
+impl fmt::Display for TriedFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} {} at {:?} s", self.kind, self.effect(), self.onset_s)
     }
 }
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 
 use shared_types::layout::is_name;
 
-use super::{Correlation, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
+use super::{Correlation, FAULT, Goal, Item, Sampling, Spread, Study, Variant, Varied, flag_key};
 use crate::expression::{Columns, Group, is_reserved};
 use crate::flag;
 use crate::keys::{MOST_CASES, SPREADS, STUDY};
@@ -188,7 +188,7 @@ fn varied(
                 }
             }
         }
-        let name = name(reader, section, key, &all);
+        let name = name(reader, root, section, key, &all);
         let is_whole = own.keys.iter().any(|key| key.name == "whole")
             && reader.boolean(&own, "whole").unwrap_or_default();
         let spread = spread(reader, &own, kind, &columns)
@@ -229,6 +229,7 @@ fn varied(
 /// Returns the name of a variation: its own, or the last part of its key.
 fn name(
     reader: &mut Reader,
+    root: &Section<'_>,
     section: &Section<'_>,
     key: Option<&str>,
     others: &[Varied],
@@ -244,6 +245,8 @@ fn name(
         format!("`{name}` cannot be used as a name in expressions")
     } else if TAKEN.contains(&name) {
         format!("`{name}` is already a column of every table of results")
+    } else if name == FAULT && root.table.get("faults").is_some() {
+        format!("`{name}` is the column of the fault that [faults] tries")
     } else if others.iter().any(|other| other.name == name) {
         format!("another varied value has the name `{name}`")
     } else {

@@ -336,6 +336,19 @@ duration_s = 0.25
 }
 
 #[test]
+fn a_size_moves_no_onset() {
+    for skew in ["skew_s = 0.5", "skew_steps = 5"] {
+        let message = refused(&format!(
+            "[faults]\nonsets_s = [1.0]\n[[faults.kinds]]\nkind = \"bias\"\nsizes = [\"bias = 1, {skew}\"]\n"
+        ));
+        assert!(
+            message.contains("`onsets_s` has the time at which the effect begins"),
+            "{message}"
+        );
+    }
+}
+
+#[test]
 fn faults_without_targets_are_no_varied_value_yet() {
     let study = study("[faults]\nonsets_s = [1.0]\n[[faults.kinds]]\nkind = \"late\"\n");
     let table = study.faults.as_ref().expect("a table");

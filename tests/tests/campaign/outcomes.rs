@@ -262,6 +262,12 @@ fn a_fault_that_a_variant_cannot_have_is_a_row_with_the_reason() {
     let answers = planned.on("show --json").expect(0).json();
     let passes = &answers["variants"][0]["passes"];
     assert_eq!((&passes["count"], &passes["of"]), (&json!(0), &json!(0)));
+    // A case that cannot be lacks no margin.
+    let settles = &answers["variants"][0]["requirements"][0];
+    assert_eq!(
+        (&settles["name"], &settles["without"]),
+        (&json!("settles"), &json!(0))
+    );
     planned.on("case 0").expect(2).says(&[reason]);
 }
 
@@ -275,6 +281,9 @@ fn a_mistake_in_the_faults_of_a_study_is_reported_at_its_place() {
         ("sizes = [\"probability = 0\"]", "sizes = [\"probability = 1.5\"]", vec!["probability", "out of range", "demo.toml:27"]),
         ("sizes = [\"probability = 0\"]", "sizes = [\"probability 0\"]", vec!["keys of an effect as TOML"]),
         ("sizes = [\"probability = 0\"]", "sizes = [\"probability = 0\", \"probability = 0\"]", vec!["listed twice"]),
+        ("sizes = [\"bias = 0.1\", \"bias = 0.01\"]", "sizes = [\"bias = 1e-1\", \"bias = 0.1\"]", vec!["bias target = \"measured.position_m\", bias = 0.1 at 2.0 s is the same fault as bias target = \"measured.position_m\", bias = 1e-1 at 2.0 s", "demo.toml:21"]),
+        ("kind = \"message-loss\"", "kind = \"message-loss\"\n[[faults.kinds]]\nkind = \"bias\"\ntargets = [\"measured.position_m\"]\nduration_s = 0.5\nsizes = [\"bias = 1e-2\"]\nonsets_s = [2]\n[[faults.kinds]]\nkind = \"message-delay\"\ntargets = [\"link.sample\"]\nsizes = [\"steps = 1\"]\nonsets_s = [1.0]\n[[faults.kinds]]\nkind = \"message-loss\"", vec!["is the same fault as"]),
+        ("detected = \"none\"", "detected = \"internal.alarm > 0\"", vec!["unknown signal `internal.alarm`", "in variant `deaf`, whose law needs the signals of `detected` and `recovered`", "`detected = \"none\"`"]),
         ("sizes = [\"bias = 0.1\", \"bias = 0.01\"]", "", vec!["`faults[0].effects[0].bias` is missing", "demo.toml:21"]),
         ("onsets_s = [1.0]", "onsets_s = [9.0]", vec!["the run is already over at 9 s", "demo.toml:27"]),
         ("onsets_s = [1.0]", "onsets_s = [-1.0]", vec!["below 0"]),
@@ -287,7 +296,7 @@ fn a_mistake_in_the_faults_of_a_study_is_reported_at_its_place() {
         ("schema = 1", "schema = 1\ncases = 3", vec!["as many cases as points"]),
         ("[[faults.kinds]]\nkind = \"message-loss\"\nsizes = [\"probability = 0\"]\nonsets_s = [1.0]", "[[faults.kinds]]\nkind = \"late\"\ntargets = [\"controller\"]\nsizes = [\"busy_us = 1, file = 'x'\"]", vec!["without target and file"]),
         ("[faults]", "[search]\n[faults]", vec!["[search] beside [faults]"]),
-        ("[faults]", "[[vary]]\nname = \"fault\"\nkind = \"list\"\nvalues = [1, 2]\n[faults]", vec!["another varied value has the name `fault`"]),
+        ("[faults]", "[[vary]]\nname = \"fault\"\nkind = \"list\"\nvalues = [1, 2]\n[faults]", vec!["`fault` is the column of the fault that [faults] tries"]),
     ];
     for (from, to, expected) in rows {
         let wrong = FAULTS.replace(from, to);
@@ -296,5 +305,78 @@ fn a_mistake_in_the_faults_of_a_study_is_reported_at_its_place() {
         campaign(&rig, &["check", text(&path)])
             .expect(2)
             .says(&expected);
+    }
+}
+
+#[test]
+fn names_of_the_scenario_that_the_table_of_faults_needs_are_refused_with_the_remedy() {
+    let rig = Rig::new();
+    let shipped = crate::support::programs::shipped("scenarios/spring-mass.toml");
+    for own in [
+        "[[faults]]\nname = \"tried\"\nkind = \"bias\"\nat_s = 1\neffects = [{ target = \"measured.position_m\", bias = 1e-4 }]\n",
+        "[[derived]]\nname = \"fault\"\nexpression = \"truth.position_m\"\n",
+    ] {
+        let scenario = rig.write("own.toml", &format!("{shipped}{own}"));
+        let study = rig.write(
+            "own-names.toml",
+            &FAULTS.replace("SCENARIO", text(&scenario)),
+        );
+        campaign(&rig, &["check", text(&study)]).expect(2).says(&[
+            "already named",
+            "[faults] gives its fault and its metric these names: choose others in the scenario",
+        ]);
+    }
+}
+
+/// The scenario's own bias of 0.04 m, beside which a tried one of 0.02 m on the same signal passes the alarm at 0.05 m.
+const COLLISION: &str = r#"
+schema = 1
+scenario = "own.toml"
+set = ["controller.law=hold"]
+
+[faults]
+onsets_s = [2.0]
+detected = "measured.position_m > 0.05"
+recovered = "measured.position_m < 0.05"
+
+[[faults.kinds]]
+kind = "bias"
+targets = ["measured.position_m"]
+sizes = ["bias = 0.02", "bias = 0.005"]
+
+[[faults.kinds]]
+kind = "stuck-at"
+targets = ["measured.position_m"]
+sizes = ["value = 0.06"]
+
+[[faults.kinds]]
+kind = "scale"
+targets = ["measured.position_m"]
+sizes = ["factor = 2"]
+"#;
+
+#[test]
+fn a_tried_fault_acts_on_what_a_fault_of_the_scenario_on_the_same_signal_left() {
+    let rig = Rig::new();
+    let own = crate::support::programs::shipped("scenarios/spring-mass.toml")
+        + "[[faults]]\nkind = \"bias\"\nat_s = 1\nduration_s = 2\neffects = [{ target = \"measured.position_m\", bias = 0.04 }]\n";
+    rig.write("own.toml", &own);
+    let study = rig.write("collision.toml", COLLISION);
+    let planned = planned(&rig, &study, "collision");
+    planned.on("run").expect(0);
+    // The mass stays at 0. The sum of both biases is 0.06 m until the first one ends at 3 s, and then 0.02 m; the
+    // smaller sum never passes the alarm. The other two act on the sum so far: 0.06 m for good, and 0.08 m until 3 s.
+    let expected = [
+        (json!(0.01), json!(1.0)),
+        (Value::Null, json!(0.0)),
+        (json!(0.01), Value::Null),
+        (json!(0.01), json!(1.0)),
+    ];
+    for (row, (detected, recovered)) in rows(&planned).iter().zip(expected) {
+        assert_eq!(
+            (&row["detected_after_s"], &row["recovered_after_s"]),
+            (&detected, &recovered),
+            "{row}"
+        );
     }
 }

@@ -11,6 +11,15 @@ use crate::study::FAULT;
 
 /// Maximum number of faults of a study.
 const MOST_FAULTS: usize = 100_000;
+/// Keys of an effect that would move its onset.
+const SKEWS: [&str; 2] = ["skew_s", "skew_steps"];
+/// Expected form of a target.
+const TARGET: &str = "the name of a target, or the key of a part, for example `actuator = 1`";
+/// Expected form of a size.
+const SIZE: &str = "keys of an effect as TOML, for example `bias = 0.01` or `factor = 0.7, profile = { kind = \"ramp\", duration_s = 0.2 }`, without target and file";
+/// Expected form of a size with a skew.
+const UNSKEWED: &str =
+    "a size without `skew_s` and `skew_steps`: `onsets_s` has the time at which the effect begins";
 
 /// Reads the table, if the study has one.
 pub(super) fn faults(
@@ -111,12 +120,18 @@ fn kind(
     let kind = reader.text(section, "kind");
     let targets = match section.table.get("targets") {
         Some(_) => Some(texts(reader, section, "targets", |target| {
-            target.is_empty() || !target.contains('=') || is_effect(target, "")
+            let is_valid = target.is_empty() || !target.contains('=') || is_effect(target, "");
+            (!is_valid).then_some(TARGET)
         })?),
         None => None,
     };
     let sizes = match section.table.get("sizes") {
-        Some(_) => texts(reader, section, "sizes", |size| is_effect("", size))?,
+        Some(_) => texts(reader, section, "sizes", |size| match is_effect("", size) {
+            false => Some(SIZE),
+            true => effect_table("", size)
+                .is_some_and(|table| SKEWS.iter().any(|key| table.get(key).is_some()))
+                .then_some(UNSKEWED),
+        })?,
         None => vec![String::new()],
     };
     let onsets_s = match section.table.get("onsets_s") {
@@ -140,26 +155,23 @@ fn kind(
     Some((kind, section.place_of("kind").clone()))
 }
 
-/// Reads texts that no other one equals.
+/// Reads texts that no other one equals; `refusal` returns what is expected in place of an invalid one.
 fn texts(
     reader: &mut Reader,
     section: &Section<'_>,
     key: &'static str,
-    is_valid: impl Fn(&str) -> bool,
+    refusal: impl Fn(&str) -> Option<&'static str>,
 ) -> Option<Vec<String>> {
     let mut all: Vec<String> = Vec::new();
     let mut are_valid = true;
     for (path, place, text) in reader.texts(section, key)? {
         let text = text.trim();
-        if !is_valid(text) {
+        if let Some(expected) = refusal(text) {
             are_valid = false;
             let message = format!("`{path}` is `{text}`");
             reader
                 .report(ProblemKind::Syntax, path, place, message)
-                .expected(match key {
-                    "sizes" => "keys of an effect as TOML, for example `bias = 0.01` or `factor = 0.7, profile = { kind = \"ramp\", duration_s = 0.2 }`, without target and file",
-                    _ => "the name of a target, or the key of a part, for example `actuator = 1`",
-                });
+                .expected(expected);
         } else if all.iter().any(|earlier| earlier == text) {
             are_valid = false;
             let message = format!("`{path}` is listed twice");
@@ -173,14 +185,19 @@ fn texts(
 
 /// Returns `true` if target and size make an effect without a file, and the size no target.
 fn is_effect(target: &str, size: &str) -> bool {
+    effect_table(target, size)
+        .is_some_and(|table| !names(&table, "file") && table.get("target").is_none())
+}
+
+/// Parses the effect of a target and a size.
+fn effect_table(target: &str, size: &str) -> Option<Table> {
     let nowhere = Place {
         source: 0,
         span: 0..0,
     };
-    let text = format!("{{ {} }}", effect(target, size));
-    match Value::parse(&text, &nowhere) {
-        Some(Value::Table(table)) => !names(&table, "file") && table.get("target").is_none(),
-        _ => false,
+    match Value::parse(&format!("{{ {} }}", effect(target, size)), &nowhere) {
+        Some(Value::Table(table)) => Some(table),
+        _ => None,
     }
 }
 

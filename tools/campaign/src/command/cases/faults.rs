@@ -1,10 +1,10 @@
 //! Faults that the cases of a study try: their targets, which follow from the plant, those that are not possible, and
 //! those that the study leaves out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 use hil_config::live_requests::RequestContext;
-use hil_config::plan::Plan;
+use hil_config::plan::{FaultEvent, Plan};
 use hil_config::problem::Problems;
 use hil_config::study::{FaultTable, Study, TriedFault};
 use hil_console::terminal::exit::Failure;
@@ -70,11 +70,22 @@ impl Cases {
         };
         let mut impossible = BTreeMap::new();
         let mut refusals = BTreeMap::new();
+        let of_each = self.cases_of_each(table);
+        // Case of each fault for each combination of the other values.
+        let mut known = HashMap::new();
         for case in 0..self.study().cases() {
             interruption.check()?;
-            if let Some((reason, refused)) = self.refusal(case)? {
-                impossible.insert(case, reason);
-                refusals.insert(case, refused);
+            match self.possible(case)? {
+                Ok(fault) => {
+                    let fault = serde_json::to_string(&fault).map_err(Failure::infrastructure)?;
+                    if let Some(earlier) = known.insert((case % of_each, fault), case) {
+                        return Err(self.same_fault(table, earlier, case));
+                    }
+                }
+                Err((reason, refused)) => {
+                    impossible.insert(case, reason);
+                    refusals.insert(case, refused);
+                }
             }
         }
         self.refuse_without_case(table, refusals)?;
@@ -84,20 +95,59 @@ impl Cases {
         }))
     }
 
-    /// Returns the reason for which the fault of a case is not possible, with the whole refusal; `None` if it is
-    /// possible.
-    fn refusal(&self, case: u64) -> Result<Option<(String, Failure)>, Failure> {
-        let Err(refused) = self.check(case) else {
-            return Ok(None);
+    /// Returns the fault of a case; or the reason for which it is not possible, with the whole refusal.
+    fn possible(&self, case: u64) -> Result<Result<FaultEvent, (String, Failure)>, Failure> {
+        let refused = match self.check(case) {
+            Ok(plan) => {
+                let fault = plan.faults.into_iter().next_back();
+                let fault = fault.ok_or_else(|| Failure::infrastructure("a case has no fault"))?;
+                return Ok(Ok(fault));
+            }
+            Err(refused) => refused,
         };
         // Refused without the fault, too: that is a mistake of study or scenario.
-        self.checked(self.draws.healthy_flags(case))?;
+        self.checked(self.draws.healthy_flags(case))
+            .map_err(|mistake| self.of_alarm(case, mistake))?;
         let reason = match &refused {
             Failure::Usage(text) => text.lines().next().unwrap_or_default(),
             _ => return Err(refused),
         };
         let reason = reason.trim_start_matches("error: ").to_owned();
-        Ok(Some((reason, refused)))
+        Ok(Err((reason, refused)))
+    }
+
+    /// Adds the variant and a remedy to the refusal of a case without its fault, if the metric of detection causes it.
+    fn of_alarm(&self, case: u64, mistake: Failure) -> Failure {
+        let study = self.study();
+        let variant = (case % study.variants.len() as u64) as usize;
+        let timing = study.timing_flag(variant, false);
+        let mut flags = self.draws.healthy_flags(case);
+        flags.retain(|flag| Some(flag) != timing.as_ref());
+        match (mistake, self.checked(flags)) {
+            (Failure::Usage(text), Ok(_)) => Failure::Usage(format!(
+                "{text}\nin variant `{}`, whose law needs the signals of `detected` and `recovered`; for a law without an alarm its [[variants]] has `detected = \"none\"`, for one with another alarm that expression",
+                study.variants[variant].name
+            )),
+            (mistake, _) => mistake,
+        }
+    }
+
+    /// Returns the number of cases of each tried fault.
+    fn cases_of_each(&self, table: &FaultTable) -> u64 {
+        self.study().cases() / table.tried().len().max(1) as u64
+    }
+
+    /// Refuses a fault that an earlier case has in another spelling.
+    fn same_fault(&self, table: &FaultTable, earlier: u64, later: u64) -> Failure {
+        let of_each = self.cases_of_each(table);
+        let tried = table.tried();
+        let [earlier, later] = [earlier, later].map(|case| &tried[(case / of_each) as usize]);
+        let problem = self.study().problem_of(
+            &format!("faults.kinds[{}]", later.place),
+            &format!("{later} is the same fault as {earlier}"),
+            "each fault once: numbers count by their values, however they are written",
+        );
+        Problems(vec![problem]).into()
     }
 
     /// Refuses sizes, onsets and named targets that no case can have.
@@ -107,7 +157,7 @@ impl Cases {
         mut refusals: BTreeMap<u64, Failure>,
     ) -> Result<(), Failure> {
         let tried = table.tried();
-        let of_each = self.study().cases() / tried.len().max(1) as u64;
+        let of_each = self.cases_of_each(table);
         let cases = |fault: usize| {
             let first = fault as u64 * of_each;
             first..first + of_each
