@@ -21,7 +21,7 @@ use std::process::Command;
 use rustix::process::Signal;
 use serde_json::Value;
 
-use crate::support::harness::{Rig, Run, names, text, until};
+use crate::support::harness::{Rig, Run, names, send, text, until};
 use crate::support::programs::{program, skip, workspace};
 use crate::support::python::{python, succeeds};
 
@@ -352,6 +352,42 @@ fn an_unfinished_campaign_reports_no_probability_and_says_why() {
         campaign(&rig, &["work", text(&demo), "--task", part]).expect(0);
     }
     demo.on("show").expect(0);
+}
+
+/// Plans a campaign that takes longer than it takes to interrupt it.
+fn long(rig: &Rig) -> Planned<'_> {
+    let many = STUDY.replace("cases = 30", "cases = 500");
+    planned(rig, &study(rig, &many), "long")
+}
+
+#[test]
+fn status_and_show_count_the_same_cases_without_a_result() {
+    let rig = Rig::new();
+    let demo = long(&rig);
+    let running = rig.start_hil(&["campaign", "run", text(&demo), "--jobs", "1"]);
+    until("a case is done", || done(&rig, &demo) > 0);
+    running.signal(Signal::INT);
+    running.finish_beside_another();
+    let status = demo.on("status --json").expect(0).json();
+    let missing = &status["missing"];
+    demo.on("show")
+        .expect(3)
+        .says(&[&format!("{missing} of 1000 cases have no result")]);
+}
+
+#[test]
+fn a_worker_that_ctrl_c_reaches_first_is_not_said_to_have_died() {
+    let rig = Rig::new();
+    let demo = long(&rig);
+    let running = rig.start_hil(&["campaign", "run", text(&demo), "--jobs", "1"]);
+    until("a case is done", || done(&rig, &demo) > 0);
+    send(running.pid(), Signal::STOP);
+    running.signal(Signal::INT);
+    until("the worker is gone", || rig.processes().len() == 1);
+    send(running.pid(), Signal::CONT);
+    let run = running.finish_beside_another().expect(130);
+    let run = run.says(&["interrupted; hil campaign run", "continues"]);
+    assert!(!run.stderr.contains("died"), "{}", run.stderr);
 }
 
 #[test]

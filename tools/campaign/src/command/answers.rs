@@ -120,7 +120,7 @@ pub(super) struct RequirementAnswer {
     pub(super) unit: String,
     pub(super) holds: Share,
     pub(super) quantiles: Vec<QuantileAnswer>,
-    /// Number of cases with a NaN margin, which is neither good nor bad.
+    /// Number of possible cases with a NaN margin, which is neither good nor bad.
     pub(super) without: u64,
     pub(super) worst: Vec<WorstAnswer>,
     /// Rank correlations of the margin with varied values, strongest first.
@@ -302,7 +302,7 @@ fn answer(
             unit: unit.clone(),
             holds: share(*holds, of, confidence),
             quantiles: QUANTILES.map(|p| quantile(&sorted, p, bounded)).into(),
-            without: (margins.len() - sorted.len()) as u64,
+            without: (margins.len() - sorted.len()) as u64 - not_possible,
             worst: worst.collect(),
             correlations,
             is_rounding,

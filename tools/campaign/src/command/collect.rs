@@ -269,12 +269,31 @@ fn refuse_missing(folder: &Folder, missing: &[u64]) -> Result<(), Failure> {
     if missing.is_empty() {
         return Ok(());
     }
-    let manifest = folder.manifest();
-    let cases = manifest.count(missing);
-    let (all, folder_text) = (manifest.cases, quoted(folder.path()));
-    Err(Failure::infrastructure(format!(
-        "{cases} of {all} cases have no result; hil campaign run {folder_text} computes them. An incomplete campaign gives no probabilities, because slow cases come last"
-    )))
+    let (all, folder_text) = (folder.manifest().cases, quoted(folder.path()));
+    Err(Failure::infrastructure(
+        match without_row(folder, missing)? {
+            0 => format!(
+                "{} not published, although each case has a result; hil campaign run {folder_text} publishes them",
+                counted(missing.len() as u64, "shard")
+            ),
+            cases => format!(
+                "{cases} of {all} cases have no result; hil campaign run {folder_text} computes them. An incomplete campaign gives no probabilities, because slow cases come last"
+            ),
+        },
+    ))
+}
+
+/// Counts the cases of shards without a result that have no row in a journal either.
+///
+/// # Errors
+/// If the folder cannot be read.
+fn without_row(folder: &Folder, missing: &[u64]) -> Result<u64, Failure> {
+    let mut cases = folder.manifest().count(missing);
+    for number in missing {
+        let begun = Shard::of(folder, *number).begun();
+        cases -= begun.map_err(|error| cannot(folder, &error))?.0;
+    }
+    Ok(cases)
 }
 
 /// Lists numbers, abbreviating long lists.

@@ -36,7 +36,7 @@ struct Campaign<'a> {
     folder: &'a Folder,
     study: &'a Study,
     answers: &'a Answers,
-    /// Number of cases with a result.
+    /// Number of cases in published shards.
     rows: u64,
     conflicts: &'a [Conflict],
 }

@@ -4,6 +4,7 @@
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader};
+use std::os::unix::process::ExitStatusExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
@@ -16,6 +17,7 @@ use crate::folder::Folder;
 use crate::shard::{Shard, missing};
 use crate::table::{LOST, Row};
 use indicatif::ProgressBar;
+use rustix::process::Signal;
 use shared_types::number::{counted, short};
 
 use super::answers::{Gathered, class_of};
@@ -222,7 +224,10 @@ fn round(
                     continue;
                 };
                 let status = child.wait().map_err(Failure::infrastructure)?;
-                if is_ending || status.code().is_some_and(|code| code < 2) {
+                // Ctrl-C in a terminal also reaches the workers, perhaps earlier than this process.
+                let is_interrupted = status.code() == Some(Exit::Interrupted as i32)
+                    || status.signal() == Some(Signal::INT.as_raw());
+                if is_ending || is_interrupted || status.code().is_some_and(|code| code < 2) {
                     continue;
                 }
                 if let Some(code @ (2 | 3)) = status.code() {

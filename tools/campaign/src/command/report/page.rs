@@ -71,7 +71,7 @@ fn warnings(campaign: &Campaign) -> Markup {
     let folder_text = quoted(campaign.folder.path());
     html! {
         @if !campaign.is_complete() { p.note {
-            "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " have no result. "
+            "Not complete: " (answers.cases - rows) " of " (counted(answers.cases, "case")) " are in no published shard. "
             "The numbers below are counts, not probabilities, because slow cases come last; "
             code { "hil campaign run " (folder_text) } " computes the rest."
         } }
