@@ -174,6 +174,16 @@ fn a_command_without_motion_needs_an_amplitude() {
 }
 
 #[test]
+fn an_amplitude_that_rounding_or_the_loop_hides_is_no_loop_without_crossover() {
+    let rig = Rig::new();
+    for amplitude in ["1e-16", "1e-15", "1e-13"] {
+        let probe = ["--amplitude", amplitude];
+        let reasons = ["lost in rounding", amplitude, "raise --amplitude"];
+        refused(&rig, SPRING_MASS, &[TWENTY, &probe].concat(), &reasons);
+    }
+}
+
+#[test]
 fn a_slower_law_is_refused_and_measured_at_its_own_rate_as_the_refusal_says() {
     let rig = Rig::new();
     let slow = ["--set", "controller.rate_hz=250"];

@@ -55,6 +55,9 @@ impl Measurement<'_> {
                     .into(),
             ));
         }
+        if let Some(reason) = refusal::rounded(amplitude, self.own.largest[self.command]) {
+            return Err(Stop::Refused(reason));
+        }
         let mut points = BTreeMap::new();
         self.add(&mut points, amplitude, &tones)?;
         self.support(&points)?;
