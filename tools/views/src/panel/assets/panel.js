@@ -176,8 +176,10 @@ class Plot {
     });
     this.unitBox = make("span", unitOf(spec.unit));
     this.noteBox = make("span", "", { class: "hint" });
+    // The name that commands understand, unless heading or legend have it.
+    const isNamed = spec.title === spec.heading || this.series.some(({ signal }) => signal.name === spec.title);
     const heading = make("span", parted(spec.heading));
-    heading.append(this.unitBox, " ", ...(spec.title === spec.heading ? [] : [make("code", parted(spec.title), { class: "name" }), " "]), this.noteBox);
+    heading.append(this.unitBox, " ", ...(isNamed ? [] : [make("code", parted(spec.title), { class: "name" }), " "]), this.noteBox);
     const caption = make("figcaption", heading);
     this.figure = make("figure", caption, { class: "plot", tabindex: 0, "aria-label": "Plot: " + spec.heading });
     const scale = make("button", "Log", { type: "button", class: "scale", "aria-pressed": String(this.isLog), title: "Logarithmic axis of magnitudes", "aria-label": "Log axis: " + spec.heading });
