@@ -3,6 +3,7 @@
     python3 tests/hosts/panel_closer.py PLAY URL [CHROMIUM]
 """
 
+import os
 import sys
 
 import panel_page
@@ -390,7 +391,47 @@ def fold(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, ghost, branch, fold)}
+AXE = """async () => {
+  const { violations } = await axe.run(document, { preload: false, runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] });
+  return violations.flatMap((rule) => rule.nodes.map((node) => `${rule.id} ${node.target}: ${node.failureSummary}`));
+}"""
+
+
+def accessible(desk):
+    """What axe-core finds on a desk and a phone, light and dark: at first, with cursors and a hidden curve, with the list."""
+    with open(os.environ["AXE"], encoding="utf-8") as file:
+        axe = file.read()
+    result = {"broken": [], "overflow": [], "dashes": []}
+    for width, height in ((1280, 800), (390, 844)):
+        for scheme in ("light", "dark"):
+            page = desk.open(viewport={"width": width, "height": height}, color_scheme=scheme)
+            page.wait_for_selector("figure.plot canvas")
+            wait(page, "document.documentElement.dataset.state !== undefined")
+            page.evaluate(axe)
+
+            def look(name):
+                result["broken"] += [f"{width} {scheme} {name}: {one}" for one in page.evaluate(AXE)]
+                result["overflow"].append(page.evaluate(OVERFLOW))
+                if len(sys.argv) > 4:
+                    page.screenshot(path=f"{sys.argv[4]}/{width}-{scheme}-{name}.png")
+
+            look("first")
+            page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+            page.locator(".legend button").first.press("Enter")
+            page.locator("figure.plot").first.focus()
+            for key in "ab>":
+                page.keyboard.press(key)
+            page.wait_for_selector("#figures tr")
+            look("cursors")
+            page.keyboard.press("Control+k")
+            page.wait_for_selector("#found li")
+            look("palette")
+            result["dashes"].append(page.evaluate("[...document.querySelectorAll('.legend')].map((one) => [...one.querySelectorAll('line')].map((line) => line.getAttribute('stroke-dasharray')))"))
+            desk.close(page)
+    return result
+
+
+PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, ghost, branch, fold, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

@@ -3,6 +3,7 @@
 //! The browser is a headless Chromium, driven by `tests/hosts/panel_page.py`; without one, or without playwright,
 //! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. All other clients use a bare socket.
 
+mod accessible;
 mod branches;
 pub(crate) mod browser;
 mod closer;

@@ -12,6 +12,7 @@ use super::stream::held;
 use super::{Panel, SCENARIO};
 use crate::support::company::Companion;
 use crate::support::harness::{Rig, Run, Running};
+use crate::support::node::node_packages;
 use crate::support::programs::{chromium, skip, workspace};
 use crate::support::python::python;
 
@@ -36,6 +37,20 @@ impl Play {
 
     /// Plays a script of `tests/hosts` on a page.
     pub(crate) fn of(file: &str, name: &str, url: &str) -> Option<Self> {
+        Self::with(file, name, url, None)
+    }
+
+    /// Plays a script of `tests/hosts` with axe-core; `None` without either.
+    pub(super) fn with_axe(name: &str, url: &str) -> Option<Self> {
+        let Some(packages) = node_packages("axe-core") else {
+            skip("axe-core of tests/node is not installed", "HIL_TEST_NODE");
+            return None;
+        };
+        let axe = packages.join("node_modules/axe-core/axe.min.js");
+        Self::with("panel_closer.py", name, url, Some(&axe))
+    }
+
+    fn with(file: &str, name: &str, url: &str, axe: Option<&Path>) -> Option<Self> {
         let Some((python, chromium)) = python("playwright.sync_api").zip(chromium()) else {
             skip(
                 "python3 with playwright, or chromium, is missing",
@@ -47,7 +62,8 @@ impl Play {
         play.arg(workspace().join("tests/hosts").join(file));
         play.args([name, url, chromium])
             .stdin(Stdio::piped())
-            .stdout(Stdio::piped());
+            .stdout(Stdio::piped())
+            .envs(axe.map(|path| ("AXE", path)));
         let mut process = Companion::start(&mut play);
         let stdout = BufReader::new(process.stdout.take().expect("piped"));
         Some(Self { process, stdout })

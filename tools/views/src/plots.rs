@@ -8,6 +8,8 @@ pub mod bounds;
 pub mod signal;
 pub mod words;
 
+use std::collections::BTreeMap;
+
 use glob::Pattern;
 use hil_config::expression::Group;
 use hil_config::plan::{Derived, FaultAction, Plan, PlotKind, Scale};
@@ -133,6 +135,18 @@ pub fn columns_of(layout: &RecordLayout, derived: &[Derived]) -> Vec<Column> {
         unit: derived.unit.clone(),
     });
     columns.chain(derived).collect()
+}
+
+/// Returns the descriptions of the signals of a session, by the names of their recorded columns.
+pub(crate) fn descriptions_of(layout: &RecordLayout) -> BTreeMap<String, String> {
+    let groups = Group::ALL.into_iter().zip(layout.groups());
+    let descriptions = groups.flat_map(|(group, fields)| {
+        fields.iter().map(move |field| {
+            let name = format!("{}.{}", group.prefix(), field.name);
+            (recorded_name(&name), field.description.clone())
+        })
+    });
+    descriptions.collect()
 }
 
 /// Selects the plots: first those of the scenario, then those that decide its verdict, then the rest.

@@ -20,8 +20,8 @@ use super::log::Log;
 use super::pace::Pace;
 use super::plots::{self, Plot, chosen};
 use crate::plots::bounds::bounds;
-use crate::plots::columns_of;
 use crate::plots::signal::own_names;
+use crate::plots::{columns_of, descriptions_of};
 use hil_recording::reader::Column;
 
 /// End of the watched run.
@@ -155,7 +155,13 @@ impl Model {
             own_names(patterns, names, &aliases)
         };
         let (patterns, readings) = (own(&self.patterns), own(&self.plan.panel.readings));
-        self.plots = chosen(&self.columns, &self.plan, bounds, &patterns)?;
+        self.plots = chosen(
+            &self.columns,
+            &self.plan,
+            bounds,
+            &patterns,
+            &descriptions_of(layout),
+        )?;
         self.readings = plots::readings(&self.columns, &readings)?;
         let mut drawn: Vec<usize> = (self.plots.iter())
             .flat_map(|plot| plot.signals.iter().copied())

@@ -1,6 +1,8 @@
 //! Live plots: those common to every view of the run, or those selected by patterns as in `hil export`, with the
 //! column indices of their signals.
 
+use std::collections::BTreeMap;
+
 use glob::Pattern;
 use hil_config::plan::Plan;
 use hil_console::terminal::exit::Failure;
@@ -8,6 +10,7 @@ use serde::Serialize;
 
 use crate::plots::bounds::Bound;
 use crate::plots::signal::{labels, recorded_name};
+use crate::plots::words::Words;
 use crate::plots::{self, Choice, Limit, Subject, by_unit, choose};
 use hil_recording::reader::Column;
 use shared_types::table::near;
@@ -20,6 +23,10 @@ const MOST: usize = 32;
 pub(crate) struct Plot {
     /// Heading.
     pub title: String,
+    /// Heading in words.
+    pub heading: String,
+    /// Each signal in words.
+    pub words: Vec<String>,
     /// Unit of the signals.
     pub unit: String,
     /// Label of each signal; empty if the heading names it.
@@ -35,11 +42,14 @@ pub(crate) struct Plot {
 }
 
 impl Plot {
-    /// Creates a plot of these columns, matched by their recorded names.
-    fn of(columns: &[Column], plot: &plots::Plot) -> Self {
+    /// Creates a plot of these columns, matched by their recorded names, of which some have descriptions.
+    fn of(columns: &[Column], plot: &plots::Plot, descriptions: &BTreeMap<String, String>) -> Self {
+        let words = Words::of(plot, |name| descriptions.get(name).map(String::as_str));
         let place = |name: &String| columns.iter().position(|one| one.name == *name);
         Self {
             title: plot.title.clone(),
+            heading: words.heading,
+            words: words.signals,
             unit: plot.unit.clone(),
             labels: labels(plot),
             signals: plot.signals.iter().filter_map(place).collect(),
@@ -51,7 +61,7 @@ impl Plot {
 }
 
 /// Returns the plots of some patterns in order; without patterns, the first plots of the run, whose requirements have
-/// these bounds.
+/// these bounds. `descriptions` has those of signals by their recorded names.
 ///
 /// # Errors
 /// If a pattern is invalid, no signal matches it, or too many do.
@@ -60,6 +70,7 @@ pub(crate) fn chosen(
     plan: &Plan,
     bounds: Vec<Bound>,
     patterns: &[String],
+    descriptions: &BTreeMap<String, String>,
 ) -> Result<Vec<Plot>, Failure> {
     let recorded = columns.iter().map(|one| Column {
         name: recorded_name(&one.name),
@@ -95,7 +106,9 @@ pub(crate) fn chosen(
             values: None,
         });
     }
-    let mut plots: Vec<Plot> = plots.iter().map(|plot| Plot::of(&recorded, plot)).collect();
+    let mut plots: Vec<Plot> = (plots.iter())
+        .map(|plot| Plot::of(&recorded, plot, descriptions))
+        .collect();
     let mut retained: Vec<usize> = Vec::new();
     let mut fits = |plot: &Plot| {
         retained.extend(&plot.signals);
@@ -166,7 +179,7 @@ mod tests {
 
     fn of(columns: &[Column], patterns: &[&str]) -> Result<Vec<Plot>, Failure> {
         let patterns: Vec<String> = patterns.iter().map(|&text| text.into()).collect();
-        chosen(columns, &plan(), Vec::new(), &patterns)
+        chosen(columns, &plan(), Vec::new(), &patterns, &BTreeMap::new())
     }
 
     #[test]

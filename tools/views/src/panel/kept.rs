@@ -6,8 +6,8 @@
 use tungstenite::Message;
 
 use super::message::ClientMessage;
-use super::reading::{Figures, Measured, Reading, Sums, widen};
-use crate::monitor::history::History;
+use super::reading::{At, Figures, Measured, Reading, Sums, widen};
+use crate::monitor::history::{History, Range};
 use crate::monitor::model::Model;
 
 /// Answers a request; `None` before the first record, and for a request about nothing that is kept.
@@ -35,7 +35,7 @@ pub(super) fn answer(model: &Model, message: &ClientMessage) -> Option<Message> 
             ..
         } => {
             let span = [*from.min(&newest), *to.min(&newest)];
-            let measured = measure(model, signals, span, shift(span, newest, u64::MAX));
+            let measured = measure(model, signals, span, newest);
             Some(measured.json(*number, false).to_string().into())
         }
         ClientMessage::Where { number, .. } => {
@@ -84,9 +84,25 @@ fn read(model: &Model, signals: &[usize], [from, to]: [u64; 2], shift: u32) -> R
     }
 }
 
-fn measure(model: &Model, signals: &[usize], [from, to]: [u64; 2], shift: u32) -> Measured {
-    let reading = read(model, signals, [from, to], shift);
-    let signals = reading.signals.iter().map(|(index, stretches)| {
+/// Returns the value of a step, or between which values it is where the step itself is not kept any more.
+fn at(history: &History, step: u64, newest: u64) -> At {
+    let shift = History::kept_shift(newest - step);
+    match history.stretches(step >> shift, 1, shift).next().flatten() {
+        None => At::Exact(f64::NAN),
+        Some(Range { min, max }) if min == max => At::Exact(min),
+        Some(Range { min, max }) => At::Between([min, max]),
+    }
+}
+
+fn measure(model: &Model, signals: &[usize], [from, to]: [u64; 2], newest: u64) -> Measured {
+    let reading = read(
+        model,
+        signals,
+        [from, to],
+        shift([from, to], newest, u64::MAX),
+    );
+    let both = reading.signals.iter().zip(histories(model, signals));
+    let signals = both.map(|((index, stretches), (_, history))| {
         if reading.length == 1 {
             let mut sums = Sums::default();
             for (step, [value, _]) in (from..).zip(stretches) {
@@ -98,13 +114,9 @@ fn measure(model: &Model, signals: &[usize], [from, to]: [u64; 2], shift: u32) -
         for value in stretches.as_flattened() {
             widen(&mut ends, *value);
         }
-        let single = |stretch: Option<&[f64; 2]>| match stretch {
-            Some([least, greatest]) if least == greatest => *least,
-            _ => f64::NAN,
-        };
         Figures {
             signal: *index,
-            at: [single(stretches.first()), single(stretches.last())],
+            at: [from, to].map(|step| at(history, step, newest)),
             mean: f64::NAN,
             rms: f64::NAN,
             least: ends[0],

@@ -184,7 +184,7 @@ fn requirements() -> Markup {
     html! {
         section #requirements-box hidden {
             h2 { "Requirements" }
-            table { thead { tr { th scope="col" { "" } th scope="col" { "name" } th.n scope="col" { "margin" } } } tbody #requirements {} }
+            table { thead { tr { th scope="col" { "verdict" } th scope="col" { "name" } th.n scope="col" { "margin" } } } tbody #requirements {} }
         }
     }
 }

@@ -70,13 +70,23 @@ pub(super) fn widen([least, greatest]: &mut [f64; 2], value: f64) {
     };
 }
 
+/// Value of a signal at a step.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[serde(untagged)]
+pub(super) enum At {
+    /// Value; NaN without one.
+    Exact(f64),
+    /// Least and greatest value of the steps around it: the value of the step itself is not kept.
+    Between([f64; 2]),
+}
+
 /// Figures of a signal between two steps, both included.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(super) struct Figures {
     /// Index of the signal.
     pub signal: usize,
     /// Value at the first and at the last step.
-    pub at: [f64; 2],
+    pub at: [At; 2],
     /// Mean; NaN if it is unknown.
     pub mean: f64,
     /// Root of the mean square; NaN if it is unknown.
@@ -133,7 +143,7 @@ impl Sums {
         let count = self.count as f64; // 0 / 0 is not a number either
         Figures {
             signal,
-            at: self.at,
+            at: self.at.map(At::Exact),
             mean: self.sum.value() / count,
             rms: (self.squares.value() / count).sqrt(),
             least: self.ends[0],
@@ -200,7 +210,7 @@ mod tests {
         sums.take(f64::NAN, [false; 2]);
         let figures = sums.figures(7);
         assert_eq!((figures.signal, figures.count), (7, 3000));
-        assert_eq!(figures.at, [value(0), value(2999)]);
+        assert_eq!(figures.at, [value(0), value(2999)].map(At::Exact));
         assert!((figures.mean - 1e6).abs() < 1e-9, "{figures:?}");
         let rms = (1e12_f64 + 0.5).sqrt();
         assert!((figures.rms - rms).abs() < 1e-9, "{figures:?}");

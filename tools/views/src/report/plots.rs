@@ -21,9 +21,9 @@ pub(crate) struct Plot {
     pub(crate) chosen: plots::Plot,
     marks: Vec<Mark>,
     /// Heading in words, without the unit.
-    pub(super) heading: String,
+    pub(crate) heading: String,
     /// Name of each signal in words.
-    words: Vec<String>,
+    pub(crate) words: Vec<String>,
     /// Unit of the axis.
     pub(super) shown: ShownUnit,
 }

@@ -229,6 +229,8 @@ const showTheme = (isDark) => {
 };
 // Dashes of curves, so that colour alone tells none from another.
 const DASHES = [[], [2, 3], [10, 3, 2, 3], [1, 5], [14, 3], [5, 2], [5, 2, 1, 2, 1, 2], [3, 6]];
+// Dashes of what is wanted of others, as of references.
+const WANTED = [[8, 4], [14, 4]];
 // The line of a curve, for the name below its plot.
 const lineOf = (width, dash, colour) => {
   const svg = "http://www.w3.org/2000/svg";

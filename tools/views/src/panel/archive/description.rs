@@ -8,7 +8,6 @@ use hil_recording::reader::{Column, folder_of};
 use serde_json::{Value, json};
 use shared_types::time::{Rate, Step};
 
-use crate::plots::signal::labels;
 use crate::report::plots::Plot;
 use crate::report::run::Run;
 
@@ -25,7 +24,8 @@ pub(super) fn about(run: &Run, columns: &[Column], plots: &[Plot]) -> Value {
             "section": chosen.section,
             "title": chosen.title,
             "unit": chosen.unit,
-            "labels": labels(chosen),
+            "heading": plot.heading,
+            "words": plot.words,
             "signals": chosen.signals.iter().filter_map(place).collect::<Vec<_>>(),
             "log": chosen.log,
             "lines": chosen.lines,

@@ -132,7 +132,7 @@ const listOccurrences = (answer) => {
 
 const plotSignal = (place) => {
   const { name, unit } = signals[place];
-  const spec = () => ({ title: name, unit, labels: [""], signals: [place], log: false, lines: [], limits: [] });
+  const spec = () => ({ title: name, heading: name, unit, words: [name], signals: [place], log: false, lines: [], limits: [] });
   added.push(spec);
   goTo(addPlot(spec(), true));
   readPart();
@@ -162,7 +162,7 @@ const injectKind = (kind) => {
 const entries = () => {
   const list = [];
   const add = (kind, name, detail, does, rank) => list.push({ kind, name, detail, does, rank });
-  for (const plot of plots) add("plot", plot.spec.title, plot.spec.unit, () => goTo(plot));
+  for (const plot of plots) add("plot", plot.spec.heading, plot.spec.title === plot.spec.heading ? plot.spec.unit : plot.spec.title, () => goTo(plot));
   for (const one of signals) {
     const home = plots.find((plot) => plot.spec.signals.includes(one.place));
     add("signal", one.name, one.unit, () => (about.recorded ? plotSignal(one.place) : home && goTo(home)));

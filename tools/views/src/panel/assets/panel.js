@@ -165,13 +165,24 @@ class Plot {
     this.spec = spec;
     this.isLog = spec.log;
     this.range = null;
-    this.series = spec.signals.map((place, nth) => ({
-      signal: signals[place], isShown: !hidden.has(spec.title + " " + signals[place].name), colour: nth % 8, label: spec.labels[nth] || spec.title,
-      dash: /^(reference|stimulus)\./.test(signals[place].name) ? [8, 4] : [],
-    }));
-    const caption = make("figcaption", make("span", parted(spec.title + unitOf(spec.unit))));
-    this.figure = make("figure", caption, { class: "plot", role: "group", tabindex: 0, "aria-label": "Plot: " + spec.title });
-    const scale = make("button", "Log", { type: "button", class: "scale", "aria-pressed": String(this.isLog), title: "Logarithmic axis of magnitudes", "aria-label": "Logarithmic axis: " + spec.title });
+    // The largest magnitude that was drawn: the unit that suits it stays, whatever is in sight.
+    this.largest = 0;
+    const counts = { wanted: 0, others: 0 };
+    this.series = spec.signals.map((place, nth) => {
+      const { name } = signals[place];
+      const kind = /^(reference|stimulus)\./.test(name) ? "wanted" : "others";
+      const dashes = kind === "wanted" ? WANTED : DASHES;
+      return { signal: signals[place], isShown: !hidden.has(spec.title + " " + name), colour: nth % 8, label: spec.words[nth], dash: dashes[counts[kind]++ % dashes.length] };
+    });
+    this.unitBox = make("span", unitOf(spec.unit));
+    this.noteBox = make("span", "", { class: "hint" });
+    // The name that commands understand, unless heading or legend have it.
+    const isNamed = spec.title === spec.heading || this.series.some(({ signal }) => signal.name === spec.title);
+    const heading = make("span", parted(spec.heading));
+    heading.append(this.unitBox, " ", ...(isNamed ? [] : [make("code", parted(spec.title), { class: "name" }), " "]), this.noteBox);
+    const caption = make("figcaption", heading);
+    this.figure = make("figure", caption, { class: "plot", tabindex: 0, "aria-label": "Plot: " + spec.heading });
+    const scale = make("button", "Log", { type: "button", class: "scale", "aria-pressed": String(this.isLog), title: "Logarithmic axis of magnitudes", "aria-label": "Log axis: " + spec.heading });
     scale.addEventListener("click", () => this.setScale(!this.isLog));
     this.scaleButton = scale;
     caption.append(scale);
@@ -192,7 +203,7 @@ class Plot {
       scales: { x: { time: false, range: () => span() }, y: { distr: this.isLog ? 3 : 1, range: () => this.range || [0, 1] } },
       axes: [
         { ...axisOf(() => ink, 30, font), ...timeLabels },
-        { ...axisOf(() => ink, valueAxis, font), ...labelsOf({ ...spec, log: this.isLog }, 6) },
+        { ...axisOf(() => ink, valueAxis, font), ...labelsOf(spec, 6) },
       ],
       series: seriesOf(this.series, () => ink, (u, { signal }) => this.course(u, this.part, signal, this.from, this.to)),
       hooks: { drawClear: [(u) => drawEvents(u, inSight, ink), (u) => this.ghost(u)], draw: [(u) => drawLevels(u, this.spec, this.isLog, ink), (u) => this.names(u), (u) => cursors.draw(u, ink)], setCursor: [() => this.read()] },
@@ -201,7 +212,7 @@ class Plot {
   }
 
   setScale(isLog) {
-    this.isLog = isLog;
+    this.isLog = this.spec.log = isLog;
     this.range = null;
     this.scaleButton.setAttribute("aria-pressed", String(isLog));
     this.plot?.destroy();
@@ -214,10 +225,19 @@ class Plot {
     if (!this.plot) this.create();
     this.part = part;
     this.fit(shownSpan, from, to);
+    this.nameUnit();
     this.from = from;
     this.to = to;
     this.plot.setData([times, ...this.series.map(() => blank)], false);
     this.plot.setScale("x", { min: shownSpan[0], max: shownSpan[1] });
+  }
+
+  // Writes the unit of the axis, and to what its numbers are added where they ripple on a large value.
+  nameUnit() {
+    const { spec } = this;
+    spec.shown = shownUnit(spec.unit, this.isLog ? 1 : this.largest);
+    write(this.unitBox, unitOf(spec.shown.unit));
+    write(this.noteBox, formOf(spec, ...this.range).note);
   }
 
   // Follows what is to be seen: at once when it grows, when it has shrunk by much else.
@@ -244,6 +264,7 @@ class Plot {
       return;
     }
     const size = Math.max(Math.abs(min), Math.abs(max));
+    this.largest = Math.max(this.largest, size);
     // Points are single numbers: what differs by less is one value, whose ticks are to differ in digits that are shown.
     if (max - min < 1e-6 * size) [min, max] = [min - 0.01 * size, max + 0.01 * size];
     [min, max] = withLevels(min, max, levels);
@@ -308,7 +329,9 @@ class Plot {
 
   legend() {
     for (const [index, one] of this.series.entries()) {
-      const button = legendButton(one, 20, [parted(one.label)], (isShown) => {
+      // What the heading says already is not said again.
+      const label = one.label === this.spec.heading ? [] : [parted(one.label), " "];
+      const button = legendButton(one, 28, [...label, make("code", parted(one.signal.name), { class: "name" })], (isShown) => {
         const name = this.spec.title + " " + one.signal.name;
         if (isShown) hidden.delete(name);
         else hidden.add(name);
@@ -326,7 +349,7 @@ class Plot {
     const idx = this.plot && this.plot.cursor.left >= 0 ? this.plot.cursor.idx : null;
     for (const { signal, shownValue } of this.series) {
       if (idx === null || idx === undefined) {
-        write(shownValue, shown(valueAtHand(signal), this.spec.unit));
+        write(shownValue, shownIn(valueAtHand(signal), this.spec));
         continue;
       }
       const { part } = this;

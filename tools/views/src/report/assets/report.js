@@ -70,7 +70,6 @@
 
   let ink = {};
   // What is wanted has long dashes in every plot; other signals differ by their dashes too, not by colour alone.
-  const WANTED = [[8, 4], [14, 4]];
   const setTheme = (isDark) => {
     showTheme(isDark);
     ink = readInk();
