@@ -338,11 +338,13 @@ mod tests {
                 is_double,
                 least,
                 greatest,
+                sums,
             } = envelope.written()
             else {
                 panic!("{values:?}");
             };
-            assert_eq!((is_double, greatest.as_str()), (expected, ""), "{values:?}");
+            let texts = [greatest.as_str(), sums.as_str()];
+            assert_eq!((is_double, texts), (expected, ["", ""]), "{values:?}");
             let bytes = STANDARD.decode(least).expect("base 64");
             if expected {
                 let second: [u8; 8] = bytes[8..].try_into().expect("two numbers");
@@ -382,6 +384,7 @@ mod tests {
             is_double: false,
             least: "AACAPwAAgD8=".into(),
             greatest: "AACAPwAAAEA=".into(),
+            sums: String::new(),
         };
         assert_eq!(envelope.written(), expected);
     }
