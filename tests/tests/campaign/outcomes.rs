@@ -283,7 +283,7 @@ fn a_mistake_in_the_faults_of_a_study_is_reported_at_its_place() {
         ("sizes = [\"probability = 0\"]", "sizes = [\"probability = 0\", \"probability = 0\"]", vec!["listed twice"]),
         ("sizes = [\"bias = 0.1\", \"bias = 0.01\"]", "sizes = [\"bias = 1e-1\", \"bias = 0.1\"]", vec!["bias target = \"measured.position_m\", bias = 0.1 at 2.0 s is the same fault as bias target = \"measured.position_m\", bias = 1e-1 at 2.0 s", "demo.toml:21"]),
         ("kind = \"message-loss\"", "kind = \"message-loss\"\n[[faults.kinds]]\nkind = \"bias\"\ntargets = [\"measured.position_m\"]\nduration_s = 0.5\nsizes = [\"bias = 1e-2\"]\nonsets_s = [2]\n[[faults.kinds]]\nkind = \"message-delay\"\ntargets = [\"link.sample\"]\nsizes = [\"steps = 1\"]\nonsets_s = [1.0]\n[[faults.kinds]]\nkind = \"message-loss\"", vec!["is the same fault as"]),
-        ("detected = \"none\"", "detected = \"internal.alarm > 0\"", vec!["unknown signal `internal.alarm`", "in variant `deaf`, whose law needs the signals of `detected` and `recovered`", "`detected = \"none\"`"]),
+        ("detected = \"none\"", "detected = \"internal.alarm > 0\"", vec!["unknown signal `internal.alarm`", "in variant `deaf`; a variant whose law lacks a signal of the alarm", "`detected = \"none\"`"]),
         ("sizes = [\"bias = 0.1\", \"bias = 0.01\"]", "", vec!["`faults[0].effects[0].bias` is missing", "demo.toml:21"]),
         ("onsets_s = [1.0]", "onsets_s = [9.0]", vec!["the run is already over at 9 s", "demo.toml:27"]),
         ("onsets_s = [1.0]", "onsets_s = [-1.0]", vec!["below 0"]),

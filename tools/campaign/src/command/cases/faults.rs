@@ -125,7 +125,7 @@ impl Cases {
         flags.retain(|flag| Some(flag) != timing.as_ref());
         match (mistake, self.checked(flags)) {
             (Failure::Usage(text), Ok(_)) => Failure::Usage(format!(
-                "{text}\nin variant `{}`, whose law needs the signals of `detected` and `recovered`; for a law without an alarm its [[variants]] has `detected = \"none\"`, for one with another alarm that expression",
+                "{text}\nin variant `{}`; a variant whose law lacks a signal of the alarm has `detected = \"none\"` in its [[variants]], one with another alarm that expression",
                 study.variants[variant].name
             )),
             (mistake, _) => mistake,
