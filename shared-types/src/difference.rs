@@ -132,7 +132,8 @@ struct Track {
     settled_at: Option<usize>,
 }
 
-/// Differentiates all outputs of a map by its number, at `x`.
+/// Differentiates all outputs of a map by its number, at `x`; `terms` has the largest term of each output, whose
+/// rounding is that of the output, or nothing where only the output itself is known.
 ///
 /// # Errors
 /// If the map fails at `x`, or an output has no derivative there.
@@ -140,11 +141,15 @@ pub fn derivative(
     map: &mut dyn FnMut(f64) -> Result<Vec<f64>, String>,
     x: f64,
     kinks: Kinks,
+    terms: &[f64],
 ) -> Result<Derivative, NoDerivative> {
     let here = finite(map(x)).map_err(NoDerivative::Failed)?;
     let mut levels: Vec<Level> = Vec::new();
     let mut tracks = vec![Track::default(); here.len()];
     let mut scale: Vec<f64> = here.iter().map(|value| value.abs()).collect();
+    for (scale, term) in scale.iter_mut().zip(terms) {
+        *scale = larger(*scale, *term);
+    }
     let (mut step, largest) = steps(x);
     let mut failure = None;
     while step <= largest {
@@ -216,6 +221,15 @@ pub fn derivative(
         step: levels[worst.map_or(levels.len() - 1, |worst| worst.level)].step,
         error: worst.map_or(0.0, Best::relative),
     })
+}
+
+/// Returns `true` if small steps of the number `x` may have been lost beside the largest term of an output, so that its
+/// derivative has to be taken again with these terms.
+#[must_use]
+pub fn is_hidden(derivative: &Derivative, x: f64, terms: &[f64]) -> bool {
+    let (smallest, _) = steps(x);
+    let both = derivative.values.iter().zip(terms);
+    { both }.any(|(value, term)| *value != 0.0 && ROUNDING * term > GOOD * smallest * value.abs())
 }
 
 /// Returns the smallest and the largest step at a number; powers of two, so that sums with the number are exact.
@@ -339,7 +353,7 @@ mod tests {
     type Function = fn(f64) -> f64;
 
     fn of(map: Function, x: f64) -> Result<Derivative, NoDerivative> {
-        derivative(&mut |x| Ok(vec![map(x)]), x, Kinks::Refused)
+        derivative(&mut |x| Ok(vec![map(x)]), x, Kinks::Refused, &[])
     }
 
     #[test]
@@ -378,7 +392,7 @@ mod tests {
             "{one_sided:?}"
         );
         let mut map = |x: f64| Ok(vec![x.abs() + x]);
-        let passed = derivative(&mut map, 0.0, Kinks::Passed).expect("a direction");
+        let passed = derivative(&mut map, 0.0, Kinks::Passed, &[]).expect("a direction");
         assert!((passed.values[0] - 1.0).abs() < 1e-9, "{passed:?}");
         let root = |x: f64| libm::copysign(libm::sqrt(x.abs()), x);
         let root = of(root, 0.0).expect_err("a root");
@@ -392,7 +406,7 @@ mod tests {
             let slope = if x > 0.0 { 3.0 } else { 2.5 };
             Ok(vec![slope * x, 5e-3 + 1e-15 * slope * x])
         };
-        let result = derivative(&mut map, 0.03, Kinks::Refused).expect("a derivative");
+        let result = derivative(&mut map, 0.03, Kinks::Refused, &[]).expect("a derivative");
         assert!((result.values[0] - 3.0).abs() < 1e-9, "{result:?}");
         assert!(
             (result.values[1] - 3e-15).abs() <= result.errors[1],
@@ -415,8 +429,8 @@ mod tests {
 
     #[test]
     fn outputs_that_do_not_depend_on_the_number_have_no_derivative_at_all() {
-        let result =
-            derivative(&mut |_| Ok(vec![1.4e7, 0.0]), 2.0, Kinks::Refused).expect("a derivative");
+        let result = derivative(&mut |_| Ok(vec![1.4e7, 0.0]), 2.0, Kinks::Refused, &[])
+            .expect("a derivative");
         assert_eq!((result.values, result.error), (vec![0.0, 0.0], 0.0));
     }
 
@@ -426,6 +440,7 @@ mod tests {
             &mut |x| Ok(vec![1.4e7 + 3e4 * x, x]),
             2.4e-17,
             Kinks::Refused,
+            &[],
         );
         let result = result.expect("a derivative");
         assert!((result.values[0] / 3e4 - 1.0).abs() < 1e-10, "{result:?}");
@@ -441,7 +456,7 @@ mod tests {
             ])
         };
         for v in [1.26e-15, 6.3e-15, -3.1e-17, 7.7e-13] {
-            let result = derivative(&mut map, v, Kinks::Refused).expect("a derivative");
+            let result = derivative(&mut map, v, Kinks::Refused, &[]).expect("a derivative");
             assert!((result.values[0] - 1e-3).abs() < 1e-12, "{v:e}: {result:?}");
             assert!((result.values[1] - 0.998).abs() < 1e-9, "{v:e}: {result:?}");
         }
@@ -453,9 +468,9 @@ mod tests {
             true => Ok(vec![libm::log(x)]),
             false => Err("below 0".to_owned()),
         };
-        let result = derivative(&mut map, 0.5, Kinks::Refused).expect("a derivative");
+        let result = derivative(&mut map, 0.5, Kinks::Refused, &[]).expect("a derivative");
         assert!((result.values[0] - 2.0).abs() < 1e-9, "{result:?}");
-        let failed = derivative(&mut map, -1.0, Kinks::Refused).expect_err("outside");
+        let failed = derivative(&mut map, -1.0, Kinks::Refused, &[]).expect_err("outside");
         assert_eq!(failed, NoDerivative::Failed("below 0".into()));
     }
 }

@@ -6,7 +6,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::describe::{Invalid, Settings};
-use crate::difference::{Derivative, Kinks, NoDerivative, derivative};
+use crate::difference::{Derivative, Kinks, NoDerivative, derivative, is_hidden};
+use crate::extremes::larger;
 use crate::number::exact;
 use crate::table::Field;
 use crate::time::Step;
@@ -122,14 +123,30 @@ impl LocalMap {
             false => Kinks::Refused,
         };
         let mut all = Vec::with_capacity(numbers.len());
-        for (place, field) in numbers.iter().enumerate() {
+        let mut column = |place: usize, terms: &[f64]| {
             let mut moved = point.to_vec();
             let mut by_one = |value: f64| {
                 moved[place] = value;
                 map(&moved).map_err(|error| error.0)
             };
-            let column = derivative(&mut by_one, point[place], kinks);
-            all.push(column.map_err(|error| in_words(&error, field, point[place], &results))?);
+            let column = derivative(&mut by_one, point[place], kinks, terms);
+            column.map_err(|error| in_words(&error, numbers[place], point[place], &results))
+        };
+        for place in 0..numbers.len() {
+            all.push(column(place, &[])?);
+        }
+        // Where large terms of a result cancel, it rounds as they do.
+        let terms: Vec<f64> = (0..results.len())
+            .map(|row| {
+                let terms = all.iter().zip(point);
+                let terms = terms.map(|(column, value)| (column.values[row] * value).abs());
+                terms.fold(0.0, larger)
+            })
+            .collect();
+        for (place, derivative) in all.iter_mut().enumerate() {
+            if is_hidden(derivative, point[place], &terms) {
+                *derivative = column(place, &terms)?;
+            }
         }
         Ok(Self {
             period_s,

@@ -210,6 +210,27 @@ fn an_equilibrium_in_large_units_is_found() {
 }
 
 #[test]
+fn far_out_the_rounding_of_a_position_is_neither_a_motion_nor_an_integrator() {
+    let rig = Rig::new();
+    for far in ["1e8", "1e9"] {
+        let held = format!("position_m={far}");
+        let far_out = [SPRING_MASS, "--hold", &held, "--free", "force_n"];
+        let trim = trimmed(&rig, &far_out);
+        std::fs::remove_dir_all(rig.path("trimmed")).expect("it is there");
+        // F = k x, and both modes decay with c / (2 m) = 1 per second.
+        let force_n = value(&trim, "inputs", "force_n");
+        assert!((force_n / (100.0 * far.parse::<f64>().expect("a number")) - 1.0).abs() < 1e-12);
+        let largest = trim["largest_eigenvalue"].as_f64().expect("a number");
+        assert_near(largest, libm::exp(-1e-3), 1e-9);
+        assert_eq!(
+            (&trim["is_stable"], &trim["undetermined"]),
+            (&true.into(), &Value::Array(Vec::new()))
+        );
+        assert!(trim["later_residual"].as_f64() < Some(1e-9), "{trim}");
+    }
+}
+
+#[test]
 fn a_force_that_is_a_hundredth_off_is_no_equilibrium_however_slow_the_mass() {
     let rig = Rig::new();
     let slow = [

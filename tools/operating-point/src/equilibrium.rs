@@ -99,7 +99,7 @@ impl Equilibrium {
             let later = self.later_residual;
             writeln!(
                 text,
-                "the plant depends on time: later in the run a state changes by {later:.1e} of itself in a step, so the run will not stay"
+                "the plant depends on time: later in the run a state changes by {later:.1e} of the size of its equation in a step, so the run will not stay"
             )?;
         }
         for one in &self.exceeded {

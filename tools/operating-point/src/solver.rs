@@ -164,11 +164,23 @@ pub(crate) fn solve(
 }
 
 /// Returns the size of a number: its value, or 1 where it is 0.
-pub(crate) fn size(value: f64) -> f64 {
+fn size(value: f64) -> f64 {
     match value.abs() > 1e-6 {
         true => value.abs(),
         false => 1.0,
     }
+}
+
+/// Returns the residuals of the states of a map as shares of the sizes of their equations at another.
+pub(crate) fn relative(map: &LocalMap, at: &LocalMap) -> Vec<f64> {
+    const ALONE: Problem = Problem {
+        held: Vec::new(),
+        free: Vec::new(),
+    };
+    let Sizes { equations, .. } = sizes(at, &ALONE);
+    let rows = map.states.iter().zip(&map.next).zip(equations);
+    rows.map(|((state, next), size)| ((next - state.value) / size).abs())
+        .collect()
 }
 
 /// Sizes of the equations and of the unknowns.

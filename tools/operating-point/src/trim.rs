@@ -28,7 +28,7 @@ use crate::model::LinearModel;
 use crate::modes::{self, Mode};
 use crate::point::Point;
 use crate::question::{Asker, Changed};
-use crate::solver::{Held, Place, Problem, Residual, Solution, size, solve};
+use crate::solver::{Held, Place, Problem, Residual, Solution, relative, solve};
 
 /// Times at which the equations are evaluated again, as shares of the rest of the run.
 const LATER: [f64; 3] = [0.25, 0.5, 0.9];
@@ -194,7 +194,7 @@ fn trimmed(
     refuse(&solution, plant, problem)?;
     let map = &solution.map;
     let (states, inputs) = (values(&map.states), values(&map.inputs));
-    let later_residual = later_residual(asker, &states, &inputs)?;
+    let later_residual = later_residual(asker, map, &states, &inputs)?;
 
     let changed = Changed {
         state: states,
@@ -283,8 +283,13 @@ fn refuse(solution: &Solution, plant: &PlantDescription, problem: &Problem) -> R
     Ok(())
 }
 
-/// Returns the largest relative change of a state in one period at later times.
-fn later_residual(asker: &Asker<'_>, states: &Settings, inputs: &Settings) -> Result<f64, Failure> {
+/// Returns the largest relative residual of a state in one period at later times.
+fn later_residual(
+    asker: &Asker<'_>,
+    equilibrium: &LocalMap,
+    states: &Settings,
+    inputs: &Settings,
+) -> Result<f64, Failure> {
     let rest = asker.point.plan.run.steps - asker.point.step.0;
     let mut largest = 0.0_f64;
     for share in LATER {
@@ -294,9 +299,9 @@ fn later_residual(asker: &Asker<'_>, states: &Settings, inputs: &Settings) -> Re
             ..ROUGH
         };
         let map = asker.ask_plant(inputs, &changed)?;
-        for (state, next) in map.states.iter().zip(&map.next) {
-            largest = larger(largest, (next - state.value).abs() / size(state.value));
-        }
+        largest = relative(&map, equilibrium)
+            .into_iter()
+            .fold(largest, larger);
     }
     Ok(largest)
 }
