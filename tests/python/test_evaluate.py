@@ -125,6 +125,21 @@ class Evaluate(unittest.TestCase):
         (expected,) = hil.evaluate(SPRING, [{D: 20.0}])
         self.assertEqual(result, expected)
 
+    def test_programs_are_kept_from_point_to_point(self):
+        plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
+        with tempfile.TemporaryDirectory() as folder:
+            starts, counted = pathlib.Path(folder, "starts"), pathlib.Path(folder, "counted-plant")
+            counted.write_text(f'#!/bin/sh\necho "$@" >> {starts}\nexec {plant} "$@"\n')
+            counted.chmod(0o700)
+            # Points that pass, fail and diverge.
+            points = [{P: 10.0 ** (1 + place % 5), D: 5.0} for place in range(30)]
+            expected = hil.evaluate(SPRING, points)
+            self.assertEqual(hil.evaluate(SPRING, points, set={"plant.program": counted}), expected)
+            self.assertGreater(len({result.verdict for result in expected}), 1)
+            served = [line for line in starts.read_text().splitlines() if "--describe" not in line and "--check" not in line]
+            # One serves all, and some points run again in new ones.
+            self.assertLess(len(served), len(points) / 2, served)
+
 
 @unittest.skipUnless(PROGRAM, "HIL_BIN is not set")
 class Optimisers(unittest.TestCase):

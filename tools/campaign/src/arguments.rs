@@ -91,6 +91,20 @@ Example:
     /// Compare two campaigns case by case: changed verdicts and their significance
     #[command(after_help = "Example:\n  hil campaign compare runs/before runs/after")]
     Compare(CompareCampaignArguments),
+    /// Run a scenario at the points that standard input lists, for the Python package
+    #[command(hide = true)]
+    Points(PointsArguments),
+}
+
+/// Arguments of `hil campaign points`.
+#[derive(Debug, Args)]
+pub struct PointsArguments {
+    /// The scenario
+    #[arg(value_name = "SCENARIO.toml")]
+    pub scenario: PathBuf,
+    /// Change a value of the scenario at every point
+    #[arg(long, value_name = "KEY=VALUE")]
+    pub set: Vec<String>,
 }
 
 /// Arguments of `hil campaign check`.

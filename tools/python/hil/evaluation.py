@@ -50,7 +50,8 @@ def evaluate(
     A point is a mapping of keys of the scenario to values, or, with `keys`, a row of values. A frame of pandas or
     polars has its keys as columns, of which `keys` may choose some. `set` changes values for all points. Plants and
     laws that are built into `hil` run in this process, one point on each core; `workers` limits their number. Where
-    the scenario names a program, `hil run` runs one point after another. Nothing is recorded.
+    the scenario names a program, one point after another runs in processes that are kept, and some of them again in new
+    processes; a point that names a program itself has its own. Nothing is recorded.
 
     Raises `UsageError` with the number of the point if one is invalid, before any run; where the scenario names a
     program, values of its sides are checked before the run of their point. A run that diverges is a result, with the
@@ -72,6 +73,9 @@ def evaluate(
         raise _of_point(error, path, first, flags) from None
     if results is not None:
         return [_evaluation(result) for result in json.loads(results)]
+    if not any(key.split(".")[1:2] == ["program"] for row in rows for key in row):
+        return _in_processes(path, first, flags)
+    # Points with programs of their own share none.
     evaluations = []
     for place, row in enumerate(rows):
         try:
@@ -154,6 +158,20 @@ def _evaluation(result: Mapping[str, Any]) -> Evaluation:
         metrics=tuple(Metric(row["name"], tuple(row["window_s"]), row["value"], row["unit"]) for row in result["metrics"]),
         digest=result["digest"],
     )
+
+
+def _in_processes(path: str, first: Sequence[str], flags: Sequence[Sequence[str]]) -> List[Evaluation]:
+    """Evaluates points one after another, in processes that are kept from point to point."""
+    from .errors import of_exit_code
+    from .programs import execute, parsed
+
+    common = [f"--set={setting}" for setting in first]
+    output = execute(["campaign", "points", *common, "--", path], json.dumps(flags))
+    if output.exit_code != 0:
+        facts = parsed(output.stdout)
+        problems = facts.get("problems", []) if isinstance(facts, dict) else []
+        raise of_exit_code(output.exit_code)(output.command, output.exit_code, output.stderr, problems)
+    return [_evaluation(result) for result in json.loads(output.stdout)]
 
 
 def _run(scenario: Location, values: Mapping[str, object]) -> Evaluation:

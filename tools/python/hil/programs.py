@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
-from typing import Any, Dict, List, NamedTuple, Sequence
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence
 
 from .errors import ProgramError, of_exit_code
 
@@ -82,8 +82,11 @@ def environment() -> Dict[str, str]:
     return {**own, **os.environ}
 
 
-def execute(arguments: Sequence[str]) -> Output:
-    """Runs `hil` to its end and returns its output; Ctrl-C ends `hil` first, which then cleans up."""
+def execute(arguments: Sequence[str], words: Optional[str] = None) -> Output:
+    """Runs `hil` to its end and returns its output; Ctrl-C ends `hil` first, which then cleans up.
+
+    `words` are its standard input.
+    """
     # Not above: the command `hil` of this package needs neither.
     import subprocess
     from signal import SIGINT
@@ -92,7 +95,7 @@ def execute(arguments: Sequence[str]) -> Output:
     try:
         child = subprocess.Popen(
             command,
-            stdin=subprocess.DEVNULL,
+            stdin=subprocess.DEVNULL if words is None else subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             env=environment(),
@@ -101,7 +104,7 @@ def execute(arguments: Sequence[str]) -> Output:
         raise cannot_start(command[0], error) from error
     with child:
         try:
-            stdout, stderr = child.communicate()
+            stdout, stderr = child.communicate(None if words is None else words.encode())
         except BaseException:
             # At a terminal `hil` got the signal too; two have the effect of one. It ends after bounded waits.
             child.send_signal(SIGINT)

@@ -73,8 +73,21 @@ impl Cases {
         interruption: &Interruption,
     ) -> Result<Self, Failure> {
         refuse_programs(&study)?;
+        Self::of_scenario(study.read_scenario()?, study, binaries, interruption)
+    }
+
+    /// Combines a study with a scenario in place of its own.
+    ///
+    /// # Errors
+    /// See [`of_study`](Self::of_study).
+    pub(super) fn of_scenario(
+        scenario: Scenario,
+        study: Study,
+        binaries: &BinaryArguments,
+        interruption: &Interruption,
+    ) -> Result<Self, Failure> {
         asking::allow_seconds(study.wait_limit_s);
-        let scenario = study.read_scenario()?.with_formats(FORMATS);
+        let scenario = scenario.with_formats(FORMATS);
         let draws = Draws::new(study)?;
         let named = scenario.programs();
         let rig = match choices(&scenario, binaries, &named, named.clone())?.names_one() {
@@ -289,6 +302,16 @@ impl Cases {
     /// # Errors
     /// See [`plan`](Self::plan).
     pub(super) fn planned(&self, flags: Vec<String>) -> Result<Plan, Failure> {
+        let at_home = |problem| self.study().at_home(problem);
+        let plan = self.read(flags)?;
+        Ok(plan.map_err(|all| Problems(all.0.into_iter().map(at_home).collect()))?)
+    }
+
+    /// Builds the plan with the given flags, or returns the problems of the scenario with them.
+    ///
+    /// # Errors
+    /// If a program rejects its settings.
+    pub(super) fn read(&self, flags: Vec<String>) -> Result<Result<Plan, Problems>, Failure> {
         let scenario = self.scenario.clone().set(&self.flags(flags));
         let programs = own::with_copies(&scenario, scenario.programs(), &self.tables);
         let binaries = self.binaries_with(&programs)?;
@@ -299,17 +322,13 @@ impl Cases {
         }
         let (plants, laws, kinds) = self.described(binaries.as_deref());
         let plan = scenario.check(plants, laws, kinds);
-        let plan = plan.map_err(|problems| {
-            let at_home = |problem| self.study().at_home(problem);
-            Problems(problems.0.into_iter().map(at_home).collect())
-        })?;
-        Ok(match binaries {
+        Ok(plan.map(|plan| match binaries {
             Some(binaries) => Plan {
                 programs: binaries.programs(),
                 ..plan
             },
             None => plan,
-        })
+        }))
     }
 
     /// Builds the plan of a case and has plant and law validate it, as far as that starts no process.

@@ -7,6 +7,7 @@
 //!    have written, before any of them runs.
 //! 4. [`runner`] runs single cases. [`work`] is the worker that every engine starts for the cases of a campaign;
 //!    [`workers`] and [`slurm`] start it. The [`evaluator`] runs chosen points for [`search`](mod@search).
+//!    [`points`] runs those that standard input lists.
 //! 5. [`collect`] joins the results, [`answers`] evaluates them, [`show`] prints the evaluation and
 //!    [`report`](mod@report) plots it; [`case`] runs a single case again.
 
@@ -20,6 +21,7 @@ pub mod evaluator;
 mod grow;
 mod plan;
 mod planned;
+mod points;
 mod report;
 mod result;
 mod runner;
@@ -60,6 +62,7 @@ pub fn campaign(action: &CampaignAction) -> Result<Exit, Failure> {
         CampaignAction::Show(arguments) => show::show(arguments),
         CampaignAction::Case(arguments) => case::case(arguments),
         CampaignAction::Compare(arguments) => compare::compare(arguments),
+        CampaignAction::Points(arguments) => points::points(arguments),
     }
 }
 

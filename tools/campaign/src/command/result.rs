@@ -15,6 +15,7 @@ use hil_facts::results::requirements::{Requirement, RunVerdict, VACUOUS};
 use hil_facts::results::summary::Metric;
 use hil_run::settings::Settings;
 use hil_run::{Environment, Origin};
+use serde_json::{Value, json};
 use shared_types::record::Outcome;
 
 /// Result of a case.
@@ -93,6 +94,21 @@ impl CaseResult {
             is_to_check: false,
             curve: ran.curve,
             wall_s: began.elapsed().as_secs_f64(),
+        })
+    }
+
+    /// Returns the result of a run that is no case of a table, with the verdict of its summary.
+    pub(super) fn json(&self) -> Value {
+        let outcome = match self.class {
+            "diverged" => Outcome::Diverged,
+            _ => Outcome::Completed,
+        };
+        json!({
+            "verdict": RunVerdict::of(outcome, &self.requirements).name(),
+            "reason": Some(&self.reason).filter(|reason| !reason.is_empty()),
+            "digest": self.digest,
+            "requirements": self.requirements,
+            "metrics": self.metrics,
         })
     }
 

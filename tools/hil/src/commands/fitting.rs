@@ -52,6 +52,7 @@ pub(super) fn refuse_other_kinds(command: &Command) -> Result<(), Failure> {
             CampaignAction::Grow(it) => (vec![it.folder.as_path()], &[Campaign]),
             CampaignAction::Submit(it) => (vec![it.folder.as_path()], &[Campaign]),
             CampaignAction::Work(it) => (vec![it.folder.as_path()], &[Campaign]),
+            CampaignAction::Points(it) => (vec![it.scenario.as_path()], &[Scenario]),
         },
         Command::Search(arguments) => match &arguments.action {
             SearchAction::Smallest(it) | SearchAction::Worst(it) => {
