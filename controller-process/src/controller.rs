@@ -5,6 +5,7 @@
 
 use shared_types::describe::{Invalid, LawDescription, Settings};
 use shared_types::failure::Failure;
+use shared_types::local_map::LocalMap;
 use shared_types::quality::{Quality, SignalSet};
 use shared_types::state::{State, StateOf, unnamed};
 use shared_types::table::{self, Field, Table};
@@ -193,6 +194,17 @@ pub trait Law {
     /// # Errors
     /// If the state does not name its numbers.
     fn set_numbers(&mut self, _numbers: &[f64]) -> Result<(), Invalid> {
+        Err(unnamed())
+    }
+
+    /// Returns the derivatives of the law's continuous equations at its state, for a law that states them itself; a
+    /// step of such a law advances them by its period `length_s` and then reads the command. `sample` has the measured
+    /// and then the reference signals.
+    ///
+    /// # Errors
+    /// If the law cannot.
+    fn differentiated(&mut self, sample: &[f64], length_s: f64) -> Result<LocalMap, Invalid> {
+        let _ = (sample, length_s);
         Err(unnamed())
     }
 

@@ -8,7 +8,7 @@ use shared_types::describe::Invalid;
 use shared_types::local_map::{Columns, LocalMap, Question, changed};
 use shared_types::quality::{Quality, SignalSet};
 use shared_types::side::Side;
-use shared_types::state::{State, unnamed};
+use shared_types::state::State;
 use shared_types::table::Field;
 
 use super::saved::SavedController;
@@ -24,8 +24,6 @@ use crate::job::Job;
 pub(crate) fn answer(kind: &LawKind, question: &Question<Job>) -> Result<LocalMap, Invalid> {
     let Question { job, step, .. } = question;
     let (described, name) = (&kind.description, &kind.description.name);
-    let states = (described.state.as_deref())
-        .ok_or_else(|| Invalid(format!("law `{name}`: {}", unnamed())))?;
     let commands = described.commands.as_deref().unwrap_or(&question.commands);
     let mut law = start(kind, job, commands)?;
     let saved: Option<SavedController> = { job.checkpoints.resume.as_ref() }
@@ -36,14 +34,18 @@ pub(crate) fn answer(kind: &LawKind, question: &Question<Job>) -> Result<LocalMa
         tuning.restore(&saved.tuning, law.as_mut())?;
         law.restore(&saved.law)?;
     }
-    let bytes = law.save()?;
-    let numbers = changed(states, &law.numbers()?, &question.state)?;
     let sampled = [
         named("measured", &described.measured),
         named("reference", &described.reference),
     ]
     .concat();
     let inputs = question.inputs.row(&sampled, "inputs")?;
+    let Some(states) = described.state.as_deref() else {
+        let map = law.differentiated(&inputs, period_s(job));
+        return map.map_err(|reason| Invalid(format!("law `{name}`: {reason}")));
+    };
+    let bytes = law.save()?;
+    let numbers = changed(states, &law.numbers()?, &question.state)?;
     if let Some(mut saved) = saved.filter(|_| !job.checkpoints.steps.is_empty()) {
         law.set_numbers(&numbers)?;
         saved.law = law.save()?;

@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::{Place, scenario};
 use crate::support::fmus::{Entries, entries, reference};
+use crate::support::mcap_reader::Recording;
 
 /// Angle with which the swing begins.
 const ANGLE: f64 = 0.6;
@@ -190,4 +191,97 @@ fn an_fmu_that_cannot_be_linearised_is_refused_by_name() {
         .hil(&linearise("s.toml", &["--at", "0.05"]))
         .expect(2)
         .says(&["state"]);
+}
+
+/// Returns the PI controller of `tests/fmus/differentiable.c` as a law of the spring-mass plant.
+fn differentiable() -> Entries {
+    let rows = [
+        (
+            "force_n",
+            "causality=\"output\" variability=\"continuous\"",
+            " unit=\"N\"",
+        ),
+        ("i", "causality=\"local\" variability=\"continuous\"", ""),
+        (
+            "der_i",
+            "causality=\"local\" variability=\"continuous\"",
+            " derivative=\"2\"",
+        ),
+        (
+            "position_m",
+            "causality=\"input\" variability=\"continuous\"",
+            " start=\"0\" unit=\"m\"",
+        ),
+        (
+            "reference_position_m",
+            "causality=\"input\" variability=\"continuous\"",
+            " start=\"0\" unit=\"m\"",
+        ),
+    ];
+    let rows = (1..).zip(rows).map(|(reference, (name, role, real))| {
+        format!("<ScalarVariable name=\"{name}\" valueReference=\"{reference}\" {role}><Real{real}/></ScalarVariable>")
+    });
+    let description = format!(
+        "<?xml version=\"1.0\"?><fmiModelDescription fmiVersion=\"2.0\" modelName=\"pi\" guid=\"differentiable\"><CoSimulation modelIdentifier=\"differentiable\" canHandleVariableCommunicationStepSize=\"true\" canGetAndSetFMUstate=\"true\" canSerializeFMUstate=\"true\" providesDirectionalDerivative=\"true\"/><UnitDefinitions><Unit name=\"m\"><BaseUnit m=\"1\"/></Unit><Unit name=\"N\"><BaseUnit kg=\"1\" m=\"1\" s=\"-2\"/></Unit></UnitDefinitions><ModelVariables>{}</ModelVariables><ModelStructure><Outputs><Unknown index=\"1\"/></Outputs><Derivatives><Unknown index=\"3\"/></Derivatives></ModelStructure></fmiModelDescription>",
+        rows.collect::<String>()
+    );
+    entries("differentiable", 2, description.into_bytes(), &[])
+}
+
+#[test]
+fn a_law_in_an_fmu_answers_a_sample_by_the_state_after_its_step() {
+    let Some(place) = Place::new() else { return };
+    place.fmu("law.fmu", &differentiable());
+    let scenario = "schema = 1\nname = \"law\"\n[run]\nduration_s = 0.5\nrate_hz = 100\n[plant]\nmodel = \"spring-mass\"\n[controller]\nlaw = \"differentiable\"\nprogram = \"law.fmu\"\n[[stimuli]]\ntarget = \"position_m\"\nkind = \"step\"\nat_s = 0.1\nafter = 0.01\n";
+    place.rig.write("l.toml", scenario);
+    let of = |part: &str| {
+        let words = ["linearise", "l.toml", "--of", part, "--at", "0.3", "--json"];
+        place.hil(&words).expect(0).json()
+    };
+    let law = of("law");
+    let names = |list: &str| {
+        let all = law[list].as_array().expect("a list").iter();
+        let all = all.map(|one| one["name"].as_str().expect("a name").to_owned());
+        all.collect::<Vec<_>>()
+    };
+    assert_eq!(
+        names("inputs"),
+        ["measured.position_m", "reference.position_m"]
+    );
+    assert_eq!(
+        (names("states"), names("outputs")),
+        (vec!["i".into()], vec!["force_n".into()])
+    );
+    // i(k+1) = i + 50 T e and u(k) = 40 e + i(k+1), with T = 0.01 s.
+    assert_near(&matrix(&law, "discrete", "A"), &[&[1.0]], 1e-15);
+    assert_near(&matrix(&law, "discrete", "B"), &[&[-0.5, 0.5]], 1e-15);
+    assert_near(&matrix(&law, "discrete", "C"), &[&[1.0]], 1e-15);
+    assert_near(&matrix(&law, "discrete", "D"), &[&[-40.5, 40.5]], 1e-13);
+    assert_near(&matrix(&law, "continuous", "A"), &[&[0.0]], 0.0);
+    assert_eq!(law["derivatives"], "directional");
+
+    // The run itself judges the loop: a step of the reference by 0.01 moves it linearly from rest.
+    let model = of("loop");
+    let [a, b, c] = ["A", "B", "C"].map(|name| matrix(&model, "discrete", name));
+    let d = matrix(&model, "discrete", "D");
+    let run = place.run(scenario, "").expect(0);
+    let recording = Recording::open(&run.recording());
+    let (reference, force) = (
+        recording.column("reference.position_m"),
+        recording.column("command.force_n"),
+    );
+    let force_row = 2;
+    let mut x = vec![0.0; a.len()];
+    for step in 0..force.len() - 1 {
+        let u = reference[step];
+        let row = |c: &[f64], x: &[f64]| c.iter().zip(x).map(|(c, x)| c * x).sum::<f64>();
+        let expected = row(&c[force_row], &x) + d[force_row][0] * u;
+        let off = (force[step] - expected).abs();
+        assert!(off < 1e-9, "{step}: {} for {expected}", force[step]);
+        x = a
+            .iter()
+            .zip(&b)
+            .map(|(a, b)| row(a, &x) + b[0] * u)
+            .collect();
+    }
 }

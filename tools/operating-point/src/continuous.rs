@@ -75,6 +75,18 @@ pub(crate) fn sampled(map: LocalMap) -> LinearModel {
     }
 }
 
+/// Creates the model of a law's map whose first rows are rates: a step advances them by a period with the sample held,
+/// and then reads the command.
+pub(crate) fn stepped(map: LocalMap) -> LinearModel {
+    let model = sampled(map);
+    // y(k) = C x(k+1) + D u(k)
+    LinearModel {
+        c: &model.c * &model.a,
+        d: &model.c * &model.b + &model.d,
+        ..model
+    }
+}
+
 /// Returns the principal logarithm, by inverse scaling and squaring on the balanced matrix.
 fn logarithm(matrix: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     let size = matrix.nrows();

@@ -106,12 +106,21 @@ fn plant(asker: &Asker<'_>) -> Result<LinearModel, Failure> {
     })
 }
 
-/// Returns the model of the law with the sample of the point, and its number of measured signals.
+/// Returns the model of the law with the sample of the point, and its number of measured inputs.
 fn law(asker: &Asker<'_>) -> Result<(LinearModel, usize), Failure> {
     let law = asker.law()?;
     let sample = asker.point.sample(&law)?;
     let map = asker.ask_law(&sample, &Changed::default())?;
-    Ok((LinearModel::of(map).reduced(), law.measured.len()))
+    let measured = map
+        .inputs
+        .iter()
+        .filter(|input| input.name.starts_with("measured."));
+    let measured = measured.count();
+    let model = match map.is_continuous {
+        true => continuous::stepped(map),
+        false => LinearModel::of(map).reduced(),
+    };
+    Ok((model, measured))
 }
 
 /// Basis of an operating point in a program.
@@ -141,20 +150,19 @@ pub(crate) fn refuse_unnamed(
         ("plant", &plan.plant.model, &binaries.plant),
         ("law", &plan.controller.law, &binaries.controller),
     ];
-    let differentiates = |side: &str, binary: &Binary| {
+    let differentiates = |binary: &Binary| {
         let imported = binary.description.imported.as_ref();
         let has_states = imported.is_some_and(|fmu| !fmu.continuous_states.is_empty());
-        side == "plant" && basis == Basis::Derivatives && has_states
+        basis == Basis::Derivatives && has_states
     };
     let mut both = sides.into_iter().zip(states).zip(names);
-    if let Some((_, (side, name, binary))) = both.find(|((is_needed, state), (side, _, binary))| {
-        *is_needed && state.is_none() && !differentiates(side, binary)
+    if let Some((_, (side, name, binary))) = both.find(|((is_needed, state), (_, _, binary))| {
+        *is_needed && state.is_none() && !differentiates(binary)
     }) {
         let what = match binary.host.as_ref().map(|host| host.kind) {
             Some(ModelKind::Fmu) if basis == Basis::Numbers => {
                 "is an FMU, whose state is bytes and cannot be set to another point"
             }
-            Some(ModelKind::Fmu) if side == "law" => "is an FMU, whose state is bytes",
             Some(ModelKind::Fmu) => {
                 "is an FMU that provides no directional derivatives by its continuous states (`providesDirectionalDerivative`, in FMI 3 `providesDirectionalDerivatives`, and their derivatives in the model structure), and whose state is bytes"
             }

@@ -10,7 +10,7 @@ use plant_process::plant::{Model as PlantModel, PlantKind};
 use serde::{Deserialize, Serialize};
 use shared_types::describe::{Invalid, LawDescription, PlantDescription};
 use shared_types::failure::Failure;
-use shared_types::local_map::LocalMap;
+use shared_types::local_map::{LocalMap, Variable};
 use shared_types::state::State;
 use shared_types::table::Field;
 use shared_types::time::Interval;
@@ -232,15 +232,7 @@ impl Law for FmuLaw {
         command: &mut [f64],
         internals: &mut [f64],
     ) -> Result<(), Failure> {
-        let (mut measured, mut reference) = (sample.measured.iter(), sample.reference.iter());
-        for (input, is_reference) in self.inputs.iter_mut().zip(&self.is_reference) {
-            let next = if *is_reference {
-                reference.next()
-            } else {
-                measured.next()
-            };
-            *input = next.copied().unwrap_or_default();
-        }
+        self.take(sample.measured, sample.reference);
         let at_s = sample.time_s - *self.clock.first_s.get_or_insert(sample.time_s);
         // In real time samples may be skipped; the FMU has a fixed step and catches up.
         while at_s - self.clock.reached_s > 0.5 * self.period_s {
@@ -275,9 +267,54 @@ impl Law for FmuLaw {
         self.clock = clock;
         Ok(())
     }
+
+    fn differentiated(&mut self, sample: &[f64], length_s: f64) -> Result<LocalMap, Invalid> {
+        let (_, reference) = self.instance.model().tables.split_inputs();
+        let (measured, reference) = sample.split_at(sample.len() - reference.len());
+        self.take(measured, reference);
+        let map = linear::map(&mut self.instance, &self.inputs, length_s)?;
+        Ok(grouped(map))
+    }
+}
+
+/// Orders the inputs of a law's map as in a sample: the measured signals, then the reference signals, each named with
+/// its group.
+fn grouped(mut map: LocalMap) -> LocalMap {
+    let states = map.states.len();
+    let columns = map.columns.split_off(states).into_iter();
+    let both = std::mem::take(&mut map.inputs).into_iter().zip(columns);
+    let of_group = |(mut input, column): (Variable, Vec<f64>)| {
+        let reference = reference_name(&input.name).map(ToOwned::to_owned);
+        let is_reference = reference.is_some();
+        input.name = match reference {
+            Some(name) => format!("reference.{name}"),
+            None => format!("measured.{}", input.name),
+        };
+        (is_reference, input, column)
+    };
+    let mut inputs: Vec<(bool, Variable, Vec<f64>)> = both.map(of_group).collect();
+    inputs.sort_by_key(|(is_reference, ..)| *is_reference);
+    for (_, input, column) in inputs {
+        map.inputs.push(input);
+        map.columns.push(column);
+    }
+    map
 }
 
 impl FmuLaw {
+    /// Sets the inputs to a sample.
+    fn take(&mut self, measured: &[f64], reference: &[f64]) {
+        let (mut measured, mut reference) = (measured.iter(), reference.iter());
+        for (input, is_reference) in self.inputs.iter_mut().zip(&self.is_reference) {
+            let next = if *is_reference {
+                reference.next()
+            } else {
+                measured.next()
+            };
+            *input = next.copied().unwrap_or_default();
+        }
+    }
+
     fn advance(&mut self, at_s: f64) -> Result<(), Failure> {
         let interval = Interval {
             start_s: at_s,
