@@ -59,7 +59,7 @@ mod tests {
     type Function = fn(f64) -> f64;
 
     fn of(map: Function, x: f64) -> Result<Derivative, NoDerivative> {
-        derivative(&mut |x| Ok(vec![map(x)]), x, Kinks::Refused)
+        derivative(&mut |x| Ok(vec![map(x)]), x, Kinks::Refused, &[])
     }
 
     #[test]
@@ -110,6 +110,6 @@ mod tests {
     #[test]
     fn an_iteration_passes_a_jump() {
         let mut relay = |x: f64| Ok(vec![if x > 0.0 { 1.0 } else { 0.0 }]);
-        assert!(derivative(&mut relay, 0.0, Kinks::Passed).is_ok());
+        assert!(derivative(&mut relay, 0.0, Kinks::Passed, &[]).is_ok());
     }
 }

@@ -1,6 +1,7 @@
 //! Zoom, cursors, names and print of a report in a headless Chromium, compared with the records.
 
 use serde_json::{Value, json};
+use shared_types::extremes::larger;
 
 use super::page::Page;
 use crate::panel::browser::Play;
@@ -119,7 +120,7 @@ fn cursors_measure_from_every_step_and_say_what_the_buckets_leave_open() {
         };
         let [least, greatest] = ends(part);
         // Single precision, and seven digits of a mean.
-        let room = 6e-7 * least.abs().max(greatest.abs()) + 1e-18;
+        let room = 6e-7 * larger(least.abs(), greatest.abs()) + 1e-18;
         let holds = |cell: [f64; 2], value: f64| cell[0] - room <= value && value <= cell[1] + room;
         assert!(
             holds(at_a, part[0]) && at_a[1] - at_a[0] <= greatest - least,
