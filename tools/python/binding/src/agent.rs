@@ -11,7 +11,7 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::{State, check_count};
 
-use crate::class::Owned;
+use crate::owned::Owned;
 
 /// Name of the law in a scenario.
 const NAME: &str = "agent";

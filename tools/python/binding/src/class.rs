@@ -4,7 +4,6 @@
 //! as a session or a saved state has it.
 
 use std::collections::HashMap;
-use std::ptr::NonNull;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use controller_process::controller::LawKind;
@@ -12,38 +11,8 @@ use plant_process::plant::PlantKind;
 use pyo3::prelude::*;
 
 use crate::agent::Agent;
+use crate::owned::Owned;
 use crate::side;
-
-/// Kind that is dropped with its last owner.
-pub(crate) struct Owned<T>(NonNull<T>);
-
-// SAFETY: an owner of its value, which is all that it has.
-unsafe impl<T: Send> Send for Owned<T> {}
-// SAFETY: as above.
-unsafe impl<T: Sync> Sync for Owned<T> {}
-
-impl<T> Owned<T> {
-    /// Takes a kind.
-    pub(crate) fn new(kind: T) -> Arc<Self> {
-        Arc::new(Self(NonNull::from(Box::leak(Box::new(kind)))))
-    }
-
-    /// Returns the kind.
-    ///
-    /// # Safety
-    /// No use of the reference may outlive the owner.
-    const unsafe fn get(&self) -> &'static T {
-        // SAFETY: the kind lives until this owner is dropped, as the caller promises to observe, and nothing changes it.
-        unsafe { self.0.as_ref() }
-    }
-}
-
-impl<T> Drop for Owned<T> {
-    fn drop(&mut self) {
-        // SAFETY: made from a box in `new`, and dropped here alone.
-        drop(unsafe { Box::from_raw(self.0.as_ptr()) });
-    }
-}
 
 /// Plant and law of a session that are not built in.
 #[derive(Clone, Default)]

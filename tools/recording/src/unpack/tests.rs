@@ -123,7 +123,7 @@ fn the_only_block_of_the_recorder_is_unpacked_in_place() {
         whole("lz4", &packed, content.len(), &mut output).expect("a whole chunk");
         assert!(output == content);
     }
-    let cut = &packed[..packed.len() - 1];
+    let cut = &packed[..packed.len() - FRAME_END.len() - 1];
     for (packed, size) in [
         (&packed[..], content.len() - 1),
         (&packed, content.len() + 1),

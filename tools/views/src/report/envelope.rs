@@ -378,13 +378,13 @@ mod tests {
     fn a_constant_is_written_once_and_other_values_in_little_endian() {
         let constant = of(&[&[1.0], &[1.0]]).written();
         assert_eq!(constant, Written::Constant { value: 1.0 });
-        let envelope = of(&[&[1.0], &[2.0]]);
-        // 1.0 is 00 00 80 3f and 2.0 is 00 00 00 40.
+        let envelope = of(&[&[1.0], &[1.0, 2.0]]);
+        // 1.0 is 00 00 80 3f and 2.0 is 00 00 00 40; the mean is at 32767 of 65534 and the deviation is all of it.
         let expected = Written::Values {
             is_double: false,
             least: "AACAPwAAgD8=".into(),
             greatest: "AACAPwAAAEA=".into(),
-            sums: String::new(),
+            sums: "/3/+/w==".into(),
         };
         assert_eq!(envelope.written(), expected);
     }
