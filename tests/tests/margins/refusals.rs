@@ -174,7 +174,7 @@ fn a_command_without_motion_needs_an_amplitude() {
 }
 
 #[test]
-fn an_amplitude_that_rounding_or_the_loop_hides_is_no_loop_without_crossover() {
+fn an_amplitude_that_is_lost_in_rounding_is_no_loop_without_crossover() {
     let rig = Rig::new();
     for amplitude in ["1e-16", "1e-15", "1e-13"] {
         let probe = ["--amplitude", amplitude];

@@ -33,7 +33,7 @@ impl Branch {
     fn command(&self, rig: &Rig, line: &str) {
         let session = self.about["session"].as_str().expect("a session");
         let words = line.split(' ').chain(["--session", session]);
-        rig.hil(&words.collect::<Vec<_>>()).expect(0);
+        rig.beside(&words.collect::<Vec<_>>()).expect(0);
     }
 
     /// Resumes the branch, waits for its end and returns its summary.
@@ -167,6 +167,7 @@ fn a_branch_with_a_fault_equals_a_fresh_run_with_that_fault_in_every_sample() {
 fn a_held_run_goes_back_behind_a_live_fault_and_repeats_one_before_the_step() {
     let rig = Rig::new();
     let straight = rig.run(SCENARIO).expect(0);
+    let biased = with_bias(&rig, 1.5);
     let run = rig.start(&format!("{SCENARIO} --pause-at 1.5"));
     rig.until_held_at(1500);
     rig.in_session(&format!("inject {BIAS}")).expect(0);
@@ -179,7 +180,7 @@ fn a_held_run_goes_back_behind_a_live_fault_and_repeats_one_before_the_step() {
     // Of both runs at the held step, the same future.
     let branch = Branch::held(&mut page, 2000);
     let faulty = branch.finish(&rig, &mut page);
-    assert_eq!(faulty["digest"], with_bias(&rig, 1.5).digest());
+    assert_eq!(faulty["digest"], biased.digest());
     assert_eq!(
         asked(&mut page, 2001)["state"],
         "refused",

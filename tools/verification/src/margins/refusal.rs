@@ -74,20 +74,10 @@ pub(super) fn rounded(amplitude: f64, command: f64) -> Option<String> {
     })
 }
 
-/// Returns the reason if a locus has no crossover, or if the loop's own motion hides whether it has one.
+/// Returns the reason if a locus has no crossover.
 pub(super) fn without_crossover(points: &[Point], margins: &Margins) -> Option<String> {
     let [first, last] = [points.first()?, points.last()?];
-    // The own motion is a part of the input as well as of the output, so its share is an error of L itself.
-    let hidden = |point: &&Point| point.own > (size(point.l) - 1.0).abs();
     margins.crossovers.is_empty().then(|| {
-        let worst = points.iter().filter(hidden).max_by(|a, b| a.own.total_cmp(&b.own));
-        if let Some(point) = worst {
-            return format!(
-                "the loop moves by itself: at {:.4} Hz its own motion is {:.1} % of the response, so a crossover cannot be told; raise --amplitude, or choose another --at",
-                point.frequency_hz,
-                100.0 * point.own
-            );
-        }
         format!(
             "no crossover: |L| is {:.4} at {:.4} Hz and {:.4} at {:.4} Hz, and never 1 between; choose other --frequencies, unless the loop has none",
             size(first.l),
