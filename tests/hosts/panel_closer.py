@@ -239,7 +239,7 @@ def palette(desk):
     page.keyboard.press("Enter")
     result["kind armed"] = page.inner_text("#armed-words")
     page.keyboard.press("Escape")
-    result["mass"] = find(page, "mass")[0]
+    result["mass"] = find(page, "mass_kg")[0]
     page.keyboard.press("Enter")
     page.keyboard.press("Control+a")
     page.keyboard.type("1.5")

@@ -12,7 +12,7 @@ use crate::support::harness::{Rig, Running};
 use crate::support::programs::shipped;
 
 /// Starts the teaching run with a signal whose values differ in their fifth digit alone.
-fn begun_with_long_labels(rig: &Rig) -> (Running<'_>, Panel) {
+fn begun_with_a_narrow_range(rig: &Rig) -> (Running<'_>, Panel) {
     let narrow = "\n[[derived]]\nname = \"narrow\"\nunit = \"m\"\nexpression = \"5e-7 + 1e-8 * truth.position_m\"\n\
                   [[plots]]\ntitle = \"a narrow range\"\nsignals = [\"narrow\"]\n";
     let scenario = rig.write("narrow.toml", &(shipped(SCENARIO) + narrow));
@@ -26,7 +26,7 @@ fn begun_with_long_labels(rig: &Rig) -> (Running<'_>, Panel) {
 #[test]
 fn axis_labels_are_complete_in_both_themes_and_at_every_zoom() {
     let rig = Rig::new();
-    let (run, panel) = begun_with_long_labels(&rig);
+    let (run, panel) = begun_with_a_narrow_range(&rig);
     let Some(play) = Play::start("labels", &panel.url) else {
         return;
     };
@@ -43,11 +43,8 @@ fn axis_labels_are_complete_in_both_themes_and_at_every_zoom() {
                 .map(|text| (text[0].as_str(), text[1].as_f64()))
         });
         let texts: Vec<_> = texts.collect();
-        assert!(
-            texts.iter().any(|(text, _)| text
-                .is_some_and(|text| text.starts_with("5.0") && text.ends_with("e-7"))),
-            "{view}: no label is long: {texts:?}"
-        );
+        // Prefixes and offsets keep labels short; those of both axes are there.
+        assert!(texts.len() > 3 * plots.len(), "{view}: {texts:?}");
         for (text, left) in texts {
             assert!(left >= Some(0.0), "{view}: {text:?} begins at {left:?}");
         }

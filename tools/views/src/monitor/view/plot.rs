@@ -2,6 +2,8 @@
 //!
 //! Each column of dots spans the minimum to the maximum of its time interval.
 
+use std::collections::BTreeSet;
+
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier};
@@ -110,25 +112,33 @@ fn title_line<'a>(
     (number, has_no_scale): (usize, bool),
     all: Option<Range>,
 ) -> Line<'a> {
-    let mut parts = vec![];
-    for (at, (label, &signal)) in plot.labels.iter().zip(&plot.signals).enumerate() {
-        let is_last = at + 1 == plot.signals.len();
-        let unit = if is_last { plot.unit.as_str() } else { "" };
-        let value = short_in(model.value(signal), unit);
-        let gap = if label.is_empty() { "" } else { " " };
-        let colour = colour(display, COLOURS[at % COLOURS.len()]);
-        parts.push(Span::styled(format!("{label}{gap}{value}"), colour));
+    let line = |labels: &[String]| {
+        let mut parts = vec![];
+        for (at, (label, &signal)) in labels.iter().zip(&plot.signals).enumerate() {
+            let is_last = at + 1 == plot.signals.len();
+            let unit = if is_last { plot.unit.as_str() } else { "" };
+            let value = short_in(model.value(signal), unit);
+            let gap = if label.is_empty() { "" } else { " " };
+            let colour = colour(display, COLOURS[at % COLOURS.len()]);
+            parts.push(Span::styled(format!("{label}{gap}{value}"), colour));
+        }
+        if let (true, Some(all)) = (has_no_scale, all) {
+            parts.push(Span::from(Scale::of(all).in_words()));
+        }
+        parts.push(Span::styled(
+            format!("{}/{}", number + 1, model.plots().len()),
+            Modifier::DIM,
+        ));
+        // Values take precedence over the end of a long title.
+        let values = fitting(width, parts.clone()).width() + 2;
+        (parts, usize::from(width).saturating_sub(values))
+    };
+    let (mut parts, mut room) = line(&plot.labels);
+    if room < LEAST_TITLE
+        && let Some(labels) = numbers_of(&plot.labels)
+    {
+        (parts, room) = line(&labels);
     }
-    if let (true, Some(all)) = (has_no_scale, all) {
-        parts.push(Span::from(Scale::of(all).in_words()));
-    }
-    parts.push(Span::styled(
-        format!("{}/{}", number + 1, model.plots().len()),
-        Modifier::DIM,
-    ));
-    // Values take precedence over the end of a long title.
-    let values = fitting(width, parts.clone()).width() + 2;
-    let room = usize::from(width).saturating_sub(values);
     let title = match plot.title.chars().count() {
         length if length <= room => plot.title.clone(),
         _ if room < LEAST_TITLE => String::new(),
@@ -141,6 +151,21 @@ fn title_line<'a>(
     };
     parts.insert(0, bold(title));
     fitting(width, parts)
+}
+
+/// Returns the numbers in labels, if these tell them apart, too.
+fn numbers_of(labels: &[String]) -> Option<Vec<String>> {
+    let is_letter = |c: char| !c.is_ascii_digit();
+    let numbers = |label: &String| -> Vec<String> {
+        let words = label.split(' ').map(|word| word.replace(is_letter, ""));
+        words.filter(|number| !number.is_empty()).collect()
+    };
+    let short: Vec<String> = labels
+        .iter()
+        .map(|label| numbers(label).join(" "))
+        .collect();
+    let different: BTreeSet<&String> = short.iter().collect();
+    (different.len() == labels.len()).then_some(short)
 }
 
 /// Format of the range in the scale beside a plot.
