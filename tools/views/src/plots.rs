@@ -138,7 +138,8 @@ pub fn columns_of(layout: &RecordLayout, derived: &[Derived]) -> Vec<Column> {
 }
 
 /// Returns the descriptions of the signals of a session, by the names of their recorded columns.
-pub(crate) fn descriptions_of(layout: &RecordLayout) -> BTreeMap<String, String> {
+#[must_use]
+pub fn descriptions_of(layout: &RecordLayout) -> BTreeMap<String, String> {
     let groups = Group::ALL.into_iter().zip(layout.groups());
     let descriptions = groups.flat_map(|(group, fields)| {
         fields.iter().map(move |field| {

@@ -1,13 +1,14 @@
 //! Signals and bins of a campaign's curves: the signals that the report of a run would plot first.
 
-use hil_config::expression::Group;
+use std::collections::BTreeMap;
+
 use hil_config::plan::{Derived, Plan};
 use hil_facts::results::curve::Grid;
 use hil_recording::reader::Column;
 use hil_views::plots::bounds::bounds;
 use hil_views::plots::signal::recorded_name;
 use hil_views::plots::words::in_words;
-use hil_views::plots::{Choice, Subject, choose, columns_of};
+use hil_views::plots::{Choice, Subject, choose, columns_of, descriptions_of};
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
@@ -59,28 +60,21 @@ pub(super) fn chosen(
     }
     let steps = variants.iter().map(|(plan, _)| plan.run.steps).max()?;
     let bins = if steps < MOST_BINS { steps } else { MOST_BINS };
+    // Of several variants the first that describes a signal counts.
+    let layouts = variants.iter().rev().map(|(_, layout)| layout);
+    let descriptions: BTreeMap<String, String> = layouts.flat_map(descriptions_of).collect();
     (!signals.is_empty() && longest_s > 0.0).then_some(Grid {
         words: (signals.iter())
-            .map(|(name, unit)| in_words(name, unit, description(variants, name)))
+            .map(|(name, unit)| {
+                let description = descriptions.get(&recorded_name(name));
+                in_words(name, unit, description.map(String::as_str))
+            })
             .collect(),
         signals,
         bins: usize::try_from(bins).ok()?,
         bin_s: longest_s / bins as f64,
         every: draws.div_ceil(DRAWS),
     })
-}
-
-/// Returns the description of a signal; `None` for a derived one.
-fn description<'a>(variants: &'a [(Plan, RecordLayout)], column: &str) -> Option<&'a str> {
-    let (group, name) = column.split_once('.')?;
-    let groups = variants
-        .iter()
-        .flat_map(|(_, layout)| Group::ALL.into_iter().zip(layout.groups()));
-    let mut fields = groups
-        .filter(|(one, _)| one.prefix() == group)
-        .flat_map(|(_, fields)| fields);
-    let field = fields.find(|field| field.name == name)?;
-    Some(field.description.as_str())
 }
 
 fn subject(plan: &Plan) -> Subject<'_> {
