@@ -228,8 +228,8 @@ pub fn derivative(
 #[must_use]
 pub fn is_hidden(derivative: &Derivative, x: f64, terms: &[f64]) -> bool {
     let (smallest, _) = steps(x);
-    let both = derivative.values.iter().zip(terms);
-    { both }.any(|(value, term)| *value != 0.0 && ROUNDING * term > GOOD * smallest * value.abs())
+    let mut both = derivative.values.iter().zip(terms);
+    both.any(|(value, term)| *value != 0.0 && ROUNDING * term > GOOD * smallest * value.abs())
 }
 
 /// Returns the smallest and the largest step at a number; powers of two, so that sums with the number are exact.

@@ -10,11 +10,6 @@ pub const FAULT: &str = "fault";
 pub(super) const APPENDED_FAULT: &str = "faults[+]";
 /// Key that appends the metric of its detection.
 const APPENDED_METRIC: &str = "metrics[+]";
-/// Returns `true` if a flag with this key is one of the table of faults.
-pub(super) fn is_appended(key: &str) -> bool {
-    [APPENDED_FAULT, APPENDED_METRIC].contains(&key)
-}
-
 /// Name of the event.
 const TRIED: &str = "tried";
 /// Alarm of a variant without a detector.
@@ -149,6 +144,11 @@ impl fmt::Display for TriedFault {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {} at {:?} s", self.kind, self.effect(), self.onset_s)
     }
+}
+
+/// Returns `true` if a flag with this key is one of the table of faults.
+pub(super) fn is_appended(key: &str) -> bool {
+    [APPENDED_FAULT, APPENDED_METRIC].contains(&key)
 }
 
 /// Joins a target and a size to the keys of an effect.

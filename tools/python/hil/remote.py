@@ -87,8 +87,8 @@ class RemoteSession:
                 self._conclude()
             if path is None:
                 sessions = parsed(succeed(["sessions", "--json"]))["sessions"]
-                folders = [one["folder"] for one in sessions if one["name"] == self._name]
-                path = os.path.join(folders[0], SOCKET) if folders else None
+                own = [one["folder"] for one in sessions if one["name"] == self._name]
+                path = os.path.join(own[0], SOCKET) if own else None
             elif _listens(path):
                 return path
             time.sleep(LOOK_S)

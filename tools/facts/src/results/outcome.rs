@@ -1,8 +1,8 @@
 //! Outcome of a recorded run, whatever the state of its recording: its readable records, and the facts of the run up to
 //! the last of them.
 //!
-//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once, in two threads, and returns what the recorder would have
-//! returned if the run had ended there.
+//! Used by `hil recover`, `hil report` and `hil judge`. Reads the file once, in two threads, and returns what the
+//! recorder would have returned if the run had ended there.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -175,8 +175,8 @@ impl Run {
             ..SummaryFacts::default()
         });
         let requirements = facts.requirements.len();
-        let (vacuous, judged): (Vec<_>, Vec<_>) =
-            { facts.requirements.into_iter() }.partition(|one| one.vacuous.is_some());
+        let all = facts.requirements.into_iter();
+        let (vacuous, judged): (Vec<_>, Vec<_>) = all.partition(|one| one.vacuous.is_some());
         let margins = judged.into_iter().filter_map(|one| {
             Some(Margin {
                 requirement: one.name,

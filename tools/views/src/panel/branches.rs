@@ -121,8 +121,8 @@ impl Branches {
         shared.edition += 1;
         drop(shared);
         if !is_busy {
-            let theirs = Arc::clone(self);
-            std::thread::spawn(move || theirs.work(step));
+            let branches = Arc::clone(self);
+            std::thread::spawn(move || branches.work(step));
         }
     }
 

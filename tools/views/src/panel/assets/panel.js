@@ -1,6 +1,6 @@
 // The panel of a session or of a recorded run. Points of a session come as the least and the greatest value of equal
 // stretches of time and are kept for one window; everything else comes as JSON. Texts of a run are only ever set as
-// text. This file, `closer.js` and `connection.js` are the parts of one function.
+// text. This file, `closer.js`, `branches.js` and `connection.js` are the parts of one function.
 const secret = location.hash.slice(1);
 
 // A name that may break behind its parts.

@@ -264,13 +264,13 @@ impl Printed {
     /// Reads the output to its end in the background, so that the run never waits.
     fn of(stderr: Option<ChildStderr>) -> Self {
         let printed = Self::default();
-        let theirs = printed.clone();
+        let shared = printed.clone();
         std::thread::spawn(move || {
             let lines = stderr
                 .into_iter()
                 .flat_map(|one| BufReader::new(one).lines());
             for line in lines.map_while(Result::ok) {
-                let mut inner = theirs.0.lock().unwrap_or_else(PoisonError::into_inner);
+                let mut inner = shared.0.lock().unwrap_or_else(PoisonError::into_inner);
                 match line.strip_prefix("panel: ") {
                     Some(url) => inner.0 = Some(url.to_owned()),
                     None if inner.1.len() < LINES => inner.1.push(line),
