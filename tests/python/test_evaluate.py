@@ -129,7 +129,7 @@ class Evaluate(unittest.TestCase):
         plant = pathlib.Path(os.environ["HIL_BIN"]).with_name("plant-process")
         with tempfile.TemporaryDirectory() as folder:
             starts, counted = pathlib.Path(folder, "starts"), pathlib.Path(folder, "counted-plant")
-            counted.write_text(f'#!/bin/sh\necho "$@" >> {starts}\nexec {plant} "$@"\n')
+            counted.write_text(f'#!/bin/sh\necho "$@" >> "{starts}"\nexec "{plant}" "$@"\n')
             counted.chmod(0o700)
             # Points that pass, fail and diverge.
             points = [{P: 10.0 ** (1 + place % 5), D: 5.0} for place in range(30)]
