@@ -67,16 +67,22 @@ fn requirement_lines(model: &Model, abilities: Abilities, width: u16) -> Vec<Lin
         0 => Span::default(),
         count => Span::styled(format!("{count} {word}"), emphasis(abilities, verdict)),
     };
-    let mut lines = vec![fitting(
-        width,
-        vec![
-            bold("requirements"),
-            part("fail", "FAIL"),
-            part("undecided", "open"),
-            part(VACUOUS, VACUOUS),
-            part("pass", "pass"),
-        ],
-    )];
+    let counts = vec![
+        part("fail", "FAIL"),
+        part("undecided", "open"),
+        part(VACUOUS, VACUOUS),
+        part("pass", "pass"),
+    ];
+    // Where not everything fits, the counts matter more than their heading.
+    let mut with_heading = counts.clone();
+    with_heading.insert(0, bold("requirements"));
+    let needs = fitting(u16::MAX, with_heading.clone()).width();
+    let heading = if needs > usize::from(width) {
+        counts
+    } else {
+        with_heading
+    };
+    let mut lines = vec![fitting(width, heading)];
     let name_width = standings
         .iter()
         .map(|one| one.name.len())

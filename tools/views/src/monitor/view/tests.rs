@@ -105,7 +105,7 @@ fn nothing_essential_is_cut_at_any_size() {
             "2 pass",
             "1 active",
             "q quit",
-            "tracking_error",
+            "Figure 3",
         ] {
             assert!(
                 text.contains(essential),
