@@ -154,9 +154,9 @@ fn a_target_without_samples_switches_its_output_to_the_safe_command_by_itself() 
     const HELD_N: f64 = 0.5;
     const SAFE_N: f64 = -1.25;
     let rig = Rig::new();
-    // A law that keeps the mass where it is, however late its commands arrive.
+    // A law that keeps the mass where it is, however late its commands arrive, and periods that a busy machine keeps.
     let clock = format!(
-        "--set run.duration_s=12 --clock realtime --wait-limit 60 --set metrics=[] --set requirements=[] \
+        "--set run.duration_s=12 --set run.rate_hz=100 --clock realtime --wait-limit 60 --set metrics=[] --set requirements=[] \
          --set controller.law=hold --set controller.hold.value={HELD_N} --set plant.safe_command.force_n={SAFE_N}"
     );
     let running = hosts.start(&rig, &format!("scenarios/spring-mass.toml {clock}"));
