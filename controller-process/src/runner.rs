@@ -206,9 +206,10 @@ impl<'a, L: Link> Runner<'a, L> {
     /// If the link failed.
     pub fn begin(&mut self) -> Result<(), LinkError> {
         match self.side.on(&ControllerEvent::Begin(&self.hello)) {
-            ControllerAction::SendHello => self
-                .link
-                .send_control(&Control::Hello(self.hello.clone()).to_bytes()),
+            ControllerAction::SendHello => {
+                let hello = self.hello.clone();
+                self.link.send_message(Control::Hello(hello))
+            }
             _ => Ok(()),
         }
     }
@@ -259,8 +260,8 @@ impl<'a, L: Link> Runner<'a, L> {
         if header.kind() != Some(FrameKind::Sample) {
             return Ok(true);
         }
-        while let Some(bytes) = self.link.receive_control()? {
-            if let Ok(Control::Tuned(tuned)) = Control::from_bytes(&bytes) {
+        while let Some(message) = self.link.receive_message()? {
+            if let Some(Control::Tuned(tuned)) = message {
                 bound.tuning.hear(tuned);
             }
         }
@@ -303,10 +304,7 @@ impl<'a, L: Link> Runner<'a, L> {
     /// Agrees with the plant on the content of the frames, before the first step; returns `false` if there was no
     /// progress.
     fn greet(&mut self) -> Result<bool, LinkError> {
-        let Some(bytes) = self.link.receive_control()? else {
-            return Ok(false);
-        };
-        let Ok(message) = Control::from_bytes(&bytes) else {
+        let Some(Some(message)) = self.link.receive_message()? else {
             return Ok(false);
         };
         // The first sample may follow the message that precedes it.
@@ -327,8 +325,7 @@ impl<'a, L: Link> Runner<'a, L> {
                     if let ControllerAction::SendReady(epoch) =
                         self.side.on(&ControllerEvent::Opened)
                     {
-                        self.link
-                            .send_control(&Control::Ready { epoch }.to_bytes())?;
+                        self.link.send_message(Control::Ready { epoch })?;
                     }
                 }
                 Err(reason) => {

@@ -114,14 +114,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
         let pending = &mut self.handover.pending;
         if pending.is_none() {
-            let bytes = self.link.receive_control()?;
-            *pending = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
-                Some(Ok(message)) => Some(message),
-                Some(Err(_)) => {
+            *pending = match self.link.receive_message()? {
+                Some(None) => {
                     self.side.ignore(Reason::Unreadable);
                     None
                 }
-                None => None,
+                message => message.flatten(),
             };
         }
         if pending.is_none() {
@@ -135,7 +133,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 self.side.ignore(Reason::Impostor);
                 program::say(&format!("refused: {reason}"));
                 let refusal = Control::Refusal { reason };
-                self.link.send_control(&refusal.to_bytes())?;
+                self.link.send_message(refusal)?;
                 Ok(None)
             }
         }
@@ -196,8 +194,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                         tunable: hello.tunable,
                     });
                 }
-                self.link
-                    .send_control(&Control::Welcome(welcome).to_bytes())?;
+                self.link.send_message(Control::Welcome(welcome))?;
             }
             PlantAction::TakeOver(unanswered) => self.take_over(unanswered, before)?,
             action => self.react(&action)?,
@@ -287,7 +284,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         let refusal = Control::Refusal {
             reason: reason.clone(),
         };
-        self.link.send_control(&refusal.to_bytes())?;
+        self.link.send_message(refusal)?;
         self.publish(self.handover.expected, ControllerFate::Refused { reason })
     }
 
