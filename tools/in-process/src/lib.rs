@@ -22,10 +22,8 @@ use shared_types::link::LinkError;
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::lockstep::{Abort, ControllerEvent, PlantEvent};
 use shared_types::record::RunEnd;
-use shared_types::side::Side;
 use shared_types::state::State;
 use shared_types::stream::RecordSink;
-use shared_types::time::Step;
 
 /// Plants that are built into `hil`.
 pub static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
@@ -144,7 +142,7 @@ impl<'a> Turns<'a> {
         let engine = Engine::new(kinds.plant, &FAULTS, plant, plant_link, sink);
         let runner = Runner::new(kinds.law, controller, controller_link);
         Ok(Self {
-            engine: engine.map_err(|e| e.to_string())?,
+            engine: engine.map_err(|e| e.to_string())?.without_log(),
             runner: runner.map_err(|e| e.to_string())?,
         })
     }
@@ -170,28 +168,17 @@ impl<'a> Turns<'a> {
     /// Returns the end of the run; `None` until then.
     #[must_use]
     pub const fn end(&self) -> Option<&RunEnd> {
+        let was_running = self.runner.end().is_none();
         self.engine.end()
+        if was_running && let Some(End::Aborted(Abort::Failed(reason))) = self.runner.end() {
+            self.engine.controller_failed(reason.clone());
+        }
     }
 
-    /// Returns the reason for the end of the run, if there is one: that of the controller itself where the plant knows
-    /// only that the controller gave up.
+    /// Returns the reason for the end of the run, if there is one.
     #[must_use]
     pub fn reason(&self) -> Option<&str> {
-        let end = self.end()?;
-        let reason = end.reason.as_deref()?;
-        let Some(End::Aborted(abort @ Abort::Failed(own))) = self.runner.end() else {
-            return Some(reason);
-        };
-        let known = Abort::ByPeer {
-            peer: Side::Controller.name(),
-            at: Step(end.steps),
-            code: abort.code(),
-        };
-        Some(if reason == known.to_string() {
-            own
-        } else {
-            reason
-        })
+        self.end()?.reason.as_deref()
     }
 
     /// Returns the state of plant and controller in a run that is held before a step.
