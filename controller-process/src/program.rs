@@ -75,7 +75,7 @@ struct ControllerProgram {
 }
 
 impl ControllerProgram {
-    fn runner<L: Link>(&self, job: Job, link: L) -> Result<Runner<'_, L>, String> {
+    fn runner<L: Link>(&self, job: Job, link: L) -> Result<Runner<&LawKind, L>, String> {
         program::check_protocol(job.protocol)?;
         let kind = choose(&self.laws, &job.law, &job.plant).map_err(|e| e.to_string())?;
         Runner::new(kind, job, link).map_err(|e| e.to_string())
@@ -165,7 +165,7 @@ impl Program for ControllerProgram {
 /// # Errors
 /// If the link failed.
 pub fn drive<L: Link>(
-    runner: &mut Runner<'_, L>,
+    runner: &mut Runner<&LawKind, L>,
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), LinkError> {

@@ -4,6 +4,9 @@
 //! sample by name, converts signals with another unit, runs the law at its own rate, delays its command by a step if
 //! requested, and answers every sample. Like the plant's engine, it never blocks.
 
+use std::borrow::Borrow;
+use std::ops::Deref;
+
 use hil_session::clock::monotonic_ns;
 use hil_session::thread::ThreadSampler;
 use shared_types::checkpoint::Saves;
@@ -70,11 +73,11 @@ impl End {
     }
 }
 
-/// Run of a law.
-pub struct Runner<'a, L> {
+/// Run of a law, which is borrowed or shared.
+pub struct Runner<K, L> {
     link: L,
     side: ControllerSide,
-    kind: &'a LawKind,
+    kind: K,
     job: Job,
     hello: Hello,
     /// Started law until it is bound, if it has commands of its own.
@@ -126,9 +129,13 @@ struct Bound {
 ///
 /// # Errors
 /// If there is no such law.
-pub fn choose<'a>(laws: &'a [LawKind], law: &str, plant: &str) -> Result<&'a LawKind, Invalid> {
-    let is_it = |law_kind: &&LawKind| {
-        let description = &law_kind.description;
+pub fn choose<'a, K: Borrow<LawKind>>(
+    laws: &'a [K],
+    law: &str,
+    plant: &str,
+) -> Result<&'a K, Invalid> {
+    let is_it = |kind: &&K| {
+        let description = &(**kind).borrow().description;
         description.name == law && description.suits(plant)
     };
     let kind = laws.iter().find(is_it);
@@ -153,7 +160,7 @@ fn period_s(job: &Job) -> f64 {
     f64::from(job.rate_divisor) / job.rate.hz()
 }
 
-impl<'a, L: Link> Runner<'a, L> {
+impl<K: Deref<Target = LawKind>, L: Link> Runner<K, L> {
     /// Returns the sleeper for the loop's waits.
     pub fn sleeper(&self) -> Option<Box<dyn Sleeper>> {
         self.link.sleeper()
@@ -163,20 +170,20 @@ impl<'a, L: Link> Runner<'a, L> {
     ///
     /// # Errors
     /// If the job does not match the law.
-    pub fn new(kind: &'a LawKind, job: Job, link: L) -> Result<Self, Invalid> {
+    pub fn new(kind: K, job: Job, link: L) -> Result<Self, Invalid> {
         let law = &kind.description;
         let checkpoints = &job.checkpoints;
         let resume = checkpoints.resume.as_ref();
         let saved: Option<SavedController> =
             resume.map(|resume| resume.read(&law.name)).transpose()?;
         let commands = law.commands.as_deref().unwrap_or_default();
-        let mut started = start(kind, &job, commands)?;
+        let mut started = start(&kind, &job, commands)?;
         if !job.is_tuned {
             started.check_start()?;
         }
         for parameters in &job.changes {
             let (parameters, job) = (parameters.clone(), job.clone());
-            start(kind, &Job { parameters, ..job }, commands)?;
+            start(&kind, &Job { parameters, ..job }, commands)?;
         }
         if let Some(saved) = &saved {
             started.restore(&saved.law)?;
@@ -188,7 +195,6 @@ impl<'a, L: Link> Runner<'a, L> {
         Ok(Self {
             link,
             side: ControllerSide::new(),
-            kind,
             saves: Saves::new(Side::Controller, &law.name, checkpoints.clone()),
             saved,
             job,
@@ -197,6 +203,7 @@ impl<'a, L: Link> Runner<'a, L> {
             started: law.commands.as_ref().map(|_| started),
             bound: None,
             end: None,
+            kind,
         })
     }
 
@@ -206,9 +213,10 @@ impl<'a, L: Link> Runner<'a, L> {
     /// If the link failed.
     pub fn begin(&mut self) -> Result<(), LinkError> {
         match self.side.on(&ControllerEvent::Begin(&self.hello)) {
-            ControllerAction::SendHello => self
-                .link
-                .send_control(&Control::Hello(self.hello.clone()).to_bytes()),
+            ControllerAction::SendHello => {
+                let hello = self.hello.clone();
+                self.link.send_message(Control::Hello(hello))
+            }
             _ => Ok(()),
         }
     }
@@ -259,8 +267,8 @@ impl<'a, L: Link> Runner<'a, L> {
         if header.kind() != Some(FrameKind::Sample) {
             return Ok(true);
         }
-        while let Some(bytes) = self.link.receive_control()? {
-            if let Ok(Control::Tuned(tuned)) = Control::from_bytes(&bytes) {
+        while let Some(message) = self.link.receive_message()? {
+            if let Some(Control::Tuned(tuned)) = message {
                 bound.tuning.hear(tuned);
             }
         }
@@ -303,10 +311,7 @@ impl<'a, L: Link> Runner<'a, L> {
     /// Agrees with the plant on the content of the frames, before the first step; returns `false` if there was no
     /// progress.
     fn greet(&mut self) -> Result<bool, LinkError> {
-        let Some(bytes) = self.link.receive_control()? else {
-            return Ok(false);
-        };
-        let Ok(message) = Control::from_bytes(&bytes) else {
+        let Some(Some(message)) = self.link.receive_message()? else {
             return Ok(false);
         };
         // The first sample may follow the message that precedes it.
@@ -327,8 +332,7 @@ impl<'a, L: Link> Runner<'a, L> {
                     if let ControllerAction::SendReady(epoch) =
                         self.side.on(&ControllerEvent::Opened)
                     {
-                        self.link
-                            .send_control(&Control::Ready { epoch }.to_bytes())?;
+                        self.link.send_message(Control::Ready { epoch })?;
                     }
                 }
                 Err(reason) => {
@@ -367,7 +371,7 @@ impl<'a, L: Link> Runner<'a, L> {
         let commands = welcome.command.fields(SignalKind::Command);
         let started = match self.started.take() {
             Some(started) => started,
-            None => start(self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
+            None => start(&self.kind, &self.job, &commands).map_err(|e| e.to_string())?,
         };
         let row = answering::begin(&commands, welcome.command.len());
         let mut bound = Bound {

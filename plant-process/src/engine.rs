@@ -70,6 +70,10 @@ pub struct Engine<L, S> {
     pacer: Option<Pacer>,
     queue: Arc<RequestQueue>,
     held: Option<Held>,
+    /// `true` if messages go to the log of this process, not only into the recording.
+    has_log: bool,
+    /// Reason of a controller in this process that has failed.
+    controller_failure: Option<String>,
     /// Number of marks set so far.
     marks: usize,
     rows: Rows,
@@ -191,6 +195,8 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             pacer: None,
             queue: Arc::new(RequestQueue::new(hold_at)),
             held: None,
+            has_log: true,
+            controller_failure: None,
             marks: 0,
             rows: Rows::default(),
             ending: None,
@@ -249,8 +255,14 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Performs an action of the protocol that any event may cause.
     fn react(&mut self, action: &PlantAction) -> Result<(), LinkError> {
         match action {
-            PlantAction::Abort(abort) => self.abort(abort),
-            PlantAction::Lose(why) => self.lose(why),
+            PlantAction::Abort(abort) => {
+                let abort = self.with_reason(abort);
+                self.abort(&abort)
+            }
+            PlantAction::Lose(why) => {
+                let why = self.with_reason(why);
+                self.lose(&why)
+            }
             PlantAction::Dismiss(why) => self.dismiss(why),
             _ => Ok(()),
         }

@@ -56,6 +56,19 @@ class Failing(spring_mass.Pid):
         return super().step(sample)
 
 
+@contextlib.contextmanager
+def file_descriptor_2():
+    """Yields a file with what native code writes to standard error."""
+    before = os.dup(2)
+    with tempfile.TemporaryFile() as file:
+        os.dup2(file.fileno(), 2)
+        try:
+            yield file
+        finally:
+            os.dup2(before, 2)
+            os.close(before)
+
+
 @unittest.skipUnless(PROGRAM, "HIL_BIN is not set")
 class Classes(unittest.TestCase):
     def setUp(self):
@@ -97,8 +110,10 @@ class Classes(unittest.TestCase):
         values = {"run.on_controller_loss": "hold"}
         Steps.error = ZeroDivisionError("no gain")
         with hil.Session(SPRING, law=law(Steps), set=values) as session:
-            with contextlib.redirect_stderr(io.StringIO()) as errors:
+            with contextlib.redirect_stderr(io.StringIO()) as errors, file_descriptor_2() as native:
                 session.step_to()
+                native.seek(0)
+                self.assertEqual(native.read(), b"")
             self.assertIn("ZeroDivisionError: no gain", errors.getvalue())
             self.assertEqual(session.step_index, 5000)
         Steps.error = KeyboardInterrupt()

@@ -224,13 +224,32 @@ class Environments(unittest.TestCase):
         )
         pathlib.Path("killed.py").write_text(script)
         environment = {**os.environ, "PYTHONPATH": str(CLONE / "tools" / "python")}
-        killed = subprocess.run([sys.executable, "killed.py"], env=environment, stdout=subprocess.PIPE, text=True, check=False)
+        killed = subprocess.run([sys.executable, "killed.py"], env=environment, capture_output=True, text=True, check=False)
         pids = [int(word) for word in killed.stdout.split()]
         self.assertEqual((killed.returncode, len(pids)), (-signal.SIGKILL, 2))
         deadline = time.monotonic() + 60
         while any(pathlib.Path(f"/proc/{pid}").exists() for pid in pids):
             self.assertLess(time.monotonic(), deadline)
             time.sleep(0.05)
+        # Python itself says that semaphores were left, which it then removes.
+        self.assertNotIn("Traceback", killed.stderr)
+
+    def test_environments_that_are_closed_or_left_open_say_nothing(self):
+        script = (
+            "import sys, numpy, hil.gym\n"
+            "if __name__ == '__main__':\n"
+            f"    several = hil.gym.make_vector(2, {str(SPRING)!r}, observe={POSITION!r}, act={{'command.force_n': (-5, 5)}}, reward='settles')\n"
+            "    several.reset(seed=1)\n"
+            "    several.step(numpy.zeros((2, 1)))\n"
+            "    if sys.argv[1] == 'close':\n"
+            "        several.close()\n"
+        )
+        pathlib.Path("ends.py").write_text(script)
+        environment = {**os.environ, "PYTHONPATH": str(CLONE / "tools" / "python")}
+        for end in ("close", "leave"):
+            with self.subTest(end):
+                ended = subprocess.run([sys.executable, "ends.py", end], env=environment, capture_output=True, text=True, check=False)
+                self.assertEqual((ended.returncode, ended.stdout, ended.stderr), (0, "", ""))
 
     def test_environments_in_processes_give_what_one_gives(self):
         import hil.gym

@@ -88,6 +88,10 @@ class RandomSessions(unittest.TestCase):
                 pathlib.Path("repeats.toml").write_text(session.scenario())
                 run = hil.run("repeats.toml", link="in-process", record=False)
                 self.assertEqual((session.digest, session.result().reason), (run.digest, run.reason))
+                session.reset()
+                session.step_to()
+                run = hil.run(path, set=values, link="in-process", record=False)
+                self.assertEqual((session.digest, session.result().reason), (run.digest, run.reason))
         self.assertGreater(accepted, COUNT)
 
 

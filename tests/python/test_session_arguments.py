@@ -15,6 +15,7 @@ CLONE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CLONE / "tools" / "python"))
 
 import hil
+import numpy as np
 
 PROGRAM = os.environ.get("HIL_BIN")
 SPRING = CLONE / "scenarios" / "spring-mass.toml"
@@ -38,6 +39,11 @@ class Arguments(unittest.TestCase):
                     (lambda: session.set(KEY, math.nan), ValueError, f"nan cannot be the value of `{KEY}`"),
                     (lambda: session.set({KEY: -math.inf}), ValueError, f"-inf cannot be the value of `{KEY}`"),
                     (lambda: session.set(KEY, 10**400), ValueError, f"inf cannot be the value of `{KEY}`"),
+                    (lambda: session.set(KEY, "1"), TypeError, f"'1' cannot be the value of `{KEY}`; use a number"),
+                    (lambda: session.set(KEY, b"1"), TypeError, f"b'1' cannot be the value of `{KEY}`"),
+                    (lambda: session.set(KEY, True), TypeError, f"True cannot be the value of `{KEY}`"),
+                    (lambda: session.set(KEY, np.bool_(True)), TypeError, f"cannot be the value of `{KEY}`"),
+                    (lambda: session.set(KEY, np.ones(2)), TypeError, f"cannot be the value of `{KEY}`"),
                     (lambda: session.set(KEY, 1, ramp=math.nan), ValueError, "nan cannot be the value of `ramp`"),
                     (lambda: session.set(KEY, 1, at=math.inf), ValueError, "inf cannot be the value of `at`"),
                     (lambda: session.set(KEY, 1, at="soon"), TypeError, "'soon' cannot be the value of `at`"),
@@ -70,6 +76,12 @@ class Arguments(unittest.TestCase):
                     (lambda: hil.Session(SPRING, set=values), TypeError, text),
                     (lambda: hil.run(SPRING, set=values), TypeError, text),
                     (lambda: hil.evaluate(SPRING, [{}], set=values), TypeError, text),
+                    (lambda: hil.evaluate(SPRING, 3, ["run.seed"]), TypeError, "`points` is 3; use points"),
+                    (lambda: hil.evaluate(SPRING, [[1, 2]], ["run.seed"]), ValueError, "2 values for 1 key$"),
+                    (lambda: session.step(-1), OverflowError, "-1 is no number of steps"),
+                    (lambda: session.step(2**64), OverflowError, f"{2**64} is no number of steps"),
+                    (lambda: session.reset(-1), OverflowError, "-1 is no seed"),
+                    (lambda: session.observe([3]), TypeError, "3 is no name of a signal"),
                     (lambda: iter(session), TypeError, "'Session' object is not iterable"),
                 ]
             )

@@ -60,7 +60,7 @@ impl Link for Echo {
 }
 
 /// Drives a runner to its end, or stops it if it does not end; returns the reason.
-fn ends(runner: &mut Runner<'_, Echo>) -> String {
+fn ends(runner: &mut Runner<&LawKind, Echo>) -> String {
     let supervision = Supervision::new();
     let (over, is_over) = mpsc::channel::<()>();
     let watched = supervision.clone();

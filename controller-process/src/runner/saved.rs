@@ -33,7 +33,7 @@ pub(super) struct SavedController {
     pub(super) tuning: SavedTuning,
 }
 
-impl<L: Link> Runner<'_, L> {
+impl<K, L: Link> Runner<K, L> {
     /// Returns the state of the law and of its pending commands, between two samples.
     ///
     /// # Errors

@@ -82,7 +82,7 @@ pub(super) fn job(rate_divisor: u32, command_delay_steps: u32) -> Job {
 }
 
 /// Greets the runner from the plant's end, with a surplus signal in front.
-fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz: f64) {
+fn greet<L: Link>(runner: &mut Runner<&LawKind, L>, plant: &mut InProcessLink, rate_hz: f64) {
     let measured = [
         Field::signal("spare_pa", "Pa", "x"),
         Field::signal("position_m", "m", "x"),
@@ -92,7 +92,7 @@ fn greet<L: Link>(runner: &mut Runner<'_, L>, plant: &mut InProcessLink, rate_hz
 
 /// Does the same with these two measured signals.
 fn greet_with<L: Link>(
-    runner: &mut Runner<'_, L>,
+    runner: &mut Runner<&LawKind, L>,
     plant: &mut InProcessLink,
     rate_hz: f64,
     measured: &[Field],
@@ -134,7 +134,7 @@ pub(super) fn greeted<L: Link>(
     kind: &LawKind,
     job: Job,
     link: impl FnOnce(InProcessLink) -> L,
-) -> (InProcessLink, Runner<'_, L>) {
+) -> (InProcessLink, Runner<&LawKind, L>) {
     let (mut plant, inner) = pair();
     let mut runner = Runner::new(kind, job, link(inner)).expect("starts");
     greet(&mut runner, &mut plant, 10.0);
@@ -143,7 +143,7 @@ pub(super) fn greeted<L: Link>(
 
 /// Sends a sample and polls once; returns the answer and its values.
 fn answer(
-    (plant, runner): &mut (InProcessLink, Runner<'_, InProcessLink>),
+    (plant, runner): &mut (InProcessLink, Runner<&LawKind, InProcessLink>),
     sample: &Header,
     values: [f64; 2],
 ) -> (Header, [f64; 4]) {

@@ -56,7 +56,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 let refusal = Control::Refusal {
                     reason: reason.clone(),
                 };
-                self.link.send_control(&refusal.to_bytes())?;
+                self.link.send_message(refusal)?;
             }
             other => other?,
         }

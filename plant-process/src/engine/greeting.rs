@@ -35,7 +35,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                 let refusal = Control::Refusal {
                     reason: reason.clone(),
                 };
-                self.link.send_control(&refusal.to_bytes())?;
+                self.link.send_message(refusal)?;
                 self.finish(
                     Outcome::Failed,
                     Some(format!("refused the controller: {reason}")),
@@ -79,7 +79,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             (!missed.is_empty()).then(|| Repetition::new(missed, welcome.command.len()));
         self.plant.faults.faultable(&mut self.rows.parameter);
         self.link
-            .send_control(&Control::Welcome(Box::new(welcome)).to_bytes())?;
+            .send_message(Control::Welcome(Box::new(welcome)))?;
         match opened {
             Ok(()) => Ok(()),
             Err(invalid) => self.give_up(Outcome::Failed, AbortCode::Other, invalid.to_string()),

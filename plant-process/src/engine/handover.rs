@@ -63,11 +63,43 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         if let PlantAction::Expect(epoch) = self.side.on(&PlantEvent::Expect(epoch)) {
             self.handover = Handover::to(epoch, monotonic_ns());
             if let Err(error) = self.link.expect(epoch) {
-                program::say(&error.to_string());
+                self.say(&error.to_string());
                 self.interrupt(&PlantEvent::PeerGone(epoch))?;
             }
         }
         Ok(())
+    }
+
+    /// Makes a run without a log of its own: what happens to its controllers is in its recording alone.
+    #[must_use]
+    pub fn without_log(self) -> Self {
+        let has_log = false;
+        Self { has_log, ..self }
+    }
+
+    /// Takes the reason of a controller in this process that has failed, which its last frame cannot carry.
+    pub fn controller_failed(&mut self, reason: String) {
+        self.controller_failure = Some(reason);
+    }
+
+    /// Returns an abort with the controller's own reason where that is known.
+    pub(super) fn with_reason(&mut self, abort: &Abort) -> Abort {
+        match (abort, self.controller_failure.take()) {
+            (
+                Abort::ByPeer {
+                    code: AbortCode::Other,
+                    ..
+                },
+                Some(reason),
+            ) => Abort::Failed(reason),
+            _ => abort.clone(),
+        }
+    }
+
+    fn say(&self, line: &str) {
+        if self.has_log {
+            program::say(line);
+        }
     }
 
     /// Returns `true` while the first controller is being greeted.
@@ -114,14 +146,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     pub(super) fn hear(&mut self) -> Result<Option<Control>, LinkError> {
         let pending = &mut self.handover.pending;
         if pending.is_none() {
-            let bytes = self.link.receive_control()?;
-            *pending = match bytes.map(|bytes| Control::from_bytes(&bytes)) {
-                Some(Ok(message)) => Some(message),
-                Some(Err(_)) => {
+            *pending = match self.link.receive_message()? {
+                Some(None) => {
                     self.side.ignore(Reason::Unreadable);
                     None
                 }
-                None => None,
+                message => message.flatten(),
             };
         }
         if pending.is_none() {
@@ -133,9 +163,9 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
             Peer::Stranger(reason) => {
                 *pending = None;
                 self.side.ignore(Reason::Impostor);
-                program::say(&format!("refused: {reason}"));
+                self.say(&format!("refused: {reason}"));
                 let refusal = Control::Refusal { reason };
-                self.link.send_control(&refusal.to_bytes())?;
+                self.link.send_message(refusal)?;
                 Ok(None)
             }
         }
@@ -196,8 +226,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
                         tunable: hello.tunable,
                     });
                 }
-                self.link
-                    .send_control(&Control::Welcome(welcome).to_bytes())?;
+                self.link.send_message(Control::Welcome(welcome))?;
             }
             PlantAction::TakeOver(unanswered) => self.take_over(unanswered, before)?,
             action => self.react(&action)?,
@@ -263,7 +292,7 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
         }
         let reason = why.to_string();
         self.publish(self.side.epoch(), ControllerFate::Lost { reason, policy })?;
-        program::say(&format!("{why}; {}", policy.name()));
+        self.say(&format!("{why}; {}", policy.name()));
         self.commands.heard_ns = monotonic_ns();
         if policy == OnLoss::WaitForRestart && self.side.candidate().is_none() {
             self.expect(self.handover.expected + 1)?;
@@ -282,12 +311,12 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Dismisses the announced controller.
     pub(super) fn dismiss(&mut self, why: &Abort) -> Result<(), LinkError> {
         let reason = why.to_string();
-        program::say(&format!("refused another controller: {reason}"));
+        self.say(&format!("refused another controller: {reason}"));
         self.handover.agreed = None;
         let refusal = Control::Refusal {
             reason: reason.clone(),
         };
-        self.link.send_control(&refusal.to_bytes())?;
+        self.link.send_message(refusal)?;
         self.publish(self.handover.expected, ControllerFate::Refused { reason })
     }
 

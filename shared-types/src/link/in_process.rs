@@ -9,6 +9,7 @@ use std::rc::Rc;
 
 use super::{FrameSpec, Link, LinkError, Peer};
 use crate::frame::{FrameIdentity, Header, MAX_SIGNALS};
+use crate::hello::Control;
 use crate::ignored::Ignored;
 use crate::table::canonical;
 
@@ -35,11 +36,17 @@ pub struct InProcessLink {
 
 #[derive(Default)]
 struct Mailbox {
-    control: VecDeque<Vec<u8>>,
+    control: VecDeque<Message>,
     /// Messages to the controller of an epoch whose frames are in use.
     messages: VecDeque<(u32, Vec<u8>)>,
     frame: Option<Header>,
     values: Vec<f64>,
+}
+
+/// Control message as it was sent.
+enum Message {
+    Bytes(Vec<u8>),
+    Value(Control),
 }
 
 impl InProcessLink {
@@ -59,12 +66,31 @@ impl InProcessLink {
     pub fn another(&self) -> Self {
         Self::new(Rc::clone(&self.outgoing), Rc::clone(&self.incoming))
     }
+
+    /// Takes the next control message.
+    fn next(&mut self) -> Option<Message> {
+        let mut mailbox = self.incoming.borrow_mut();
+        let is_own = |(epoch, _): &(u32, Vec<u8>)| {
+            (self.identity).is_some_and(|identity| identity.epoch == *epoch)
+        };
+        if mailbox.messages.front().is_some_and(is_own) {
+            let message = mailbox.messages.pop_front();
+            return message.map(|(_, bytes)| Message::Bytes(bytes));
+        }
+        mailbox.control.pop_front()
+    }
 }
 
 impl Link for InProcessLink {
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError> {
         let mut mailbox = self.outgoing.borrow_mut();
-        mailbox.control.push_back(message.to_vec());
+        mailbox.control.push_back(Message::Bytes(message.to_vec()));
+        Ok(())
+    }
+
+    fn send_message(&mut self, message: Control) -> Result<(), LinkError> {
+        let mut mailbox = self.outgoing.borrow_mut();
+        mailbox.control.push_back(Message::Value(message));
         Ok(())
     }
 
@@ -78,14 +104,17 @@ impl Link for InProcessLink {
     }
 
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError> {
-        let mut mailbox = self.incoming.borrow_mut();
-        let is_own = |(epoch, _): &(u32, Vec<u8>)| {
-            (self.identity).is_some_and(|identity| identity.epoch == *epoch)
-        };
-        if mailbox.messages.front().is_some_and(is_own) {
-            return Ok(mailbox.messages.pop_front().map(|(_, message)| message));
-        }
-        Ok(mailbox.control.pop_front())
+        Ok(self.next().map(|message| match message {
+            Message::Bytes(bytes) => bytes,
+            Message::Value(message) => message.to_bytes(),
+        }))
+    }
+
+    fn receive_message(&mut self) -> Result<Option<Option<Control>>, LinkError> {
+        Ok(self.next().map(|message| match message {
+            Message::Bytes(bytes) => Control::from_bytes(&bytes).ok(),
+            Message::Value(message) => Some(message),
+        }))
     }
 
     fn expect(&mut self, _epoch: u32) -> Result<(), LinkError> {

@@ -9,6 +9,7 @@ pub mod in_process;
 mod pass_on;
 
 use crate::frame::{FrameIdentity, Header};
+use crate::hello::Control;
 use crate::ignored::Ignored;
 use crate::wait::Sleeper;
 
@@ -28,6 +29,15 @@ pub trait Link {
     /// If the transport failed.
     fn send_control(&mut self, message: &[u8]) -> Result<(), LinkError>;
 
+    /// Sends a control message as [`send_control`](Link::send_control) does, which it calls by default; a link within
+    /// one thread need not write it out.
+    ///
+    /// # Errors
+    /// As of [`send_control`](Link::send_control).
+    fn send_message(&mut self, message: Control) -> Result<(), LinkError> {
+        self.send_control(&message.to_bytes())
+    }
+
     /// Sends a control message to the controller whose frames are in use, even while another controller is expected.
     /// For the plant.
     ///
@@ -40,6 +50,16 @@ pub trait Link {
     /// # Errors
     /// If the transport failed.
     fn receive_control(&mut self) -> Result<Option<Vec<u8>>, LinkError>;
+
+    /// Receives the next control message as [`receive_control`](Link::receive_control) does, which it calls by default;
+    /// `None` in place of a message that cannot be read.
+    ///
+    /// # Errors
+    /// As of [`receive_control`](Link::receive_control).
+    fn receive_message(&mut self) -> Result<Option<Option<Control>>, LinkError> {
+        let bytes = self.receive_control()?;
+        Ok(bytes.map(|bytes| Control::from_bytes(&bytes).ok()))
+    }
 
     /// Creates a control channel for the controller of this epoch, replacing the current channel. For the plant.
     ///
@@ -90,7 +110,7 @@ pub trait Link {
 
 /// Mutable reference to an end, usable by a shorter-lived owner.
 impl<L: Link> Link for &mut L {
-    crate::pass_on!(self => **self; send_control tell receive_control expect peer open_frames take_over send receive rejected sleeper);
+    crate::pass_on!(self => **self; send_control send_message tell receive_control receive_message expect peer open_frames take_over send receive rejected sleeper);
 }
 
 /// Process at the controller's end.

@@ -12,6 +12,21 @@ macro_rules! pass_on {
             $link.send_control(message)
         }
     };
+    (@ send_message $self:ident $link:tt) => {
+        fn send_message(
+            &mut $self,
+            message: $crate::hello::Control,
+        ) -> Result<(), $crate::link::LinkError> {
+            $link.send_message(message)
+        }
+    };
+    (@ receive_message $self:ident $link:tt) => {
+        fn receive_message(
+            &mut $self,
+        ) -> Result<Option<Option<$crate::hello::Control>>, $crate::link::LinkError> {
+            $link.receive_message()
+        }
+    };
     (@ tell $self:ident $link:tt) => {
         fn tell(&mut $self, message: &[u8]) -> Result<(), $crate::link::LinkError> {
             $link.tell(message)

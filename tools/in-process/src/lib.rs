@@ -22,23 +22,27 @@ use shared_types::link::LinkError;
 use shared_types::link::in_process::{InProcessLink, pair};
 use shared_types::lockstep::{Abort, ControllerEvent, PlantEvent};
 use shared_types::record::RunEnd;
-use shared_types::side::Side;
 use shared_types::state::State;
 use shared_types::stream::RecordSink;
-use shared_types::time::Step;
 
 /// Plants that are built into `hil`.
-pub static PLANTS: LazyLock<Vec<PlantKind>> = LazyLock::new(plant_process::models::all);
+pub static PLANTS: LazyLock<Vec<Arc<PlantKind>>> =
+    LazyLock::new(|| shared(plant_process::models::all()));
 /// Kinds of faults that are built into `hil`.
 pub static FAULTS: LazyLock<Vec<FaultKindEntry>> = LazyLock::new(plant_process::faults::kinds::all);
 /// Laws that are built into `hil`.
-pub static LAWS: LazyLock<Vec<LawKind>> = LazyLock::new(controller_process::laws::all);
+pub static LAWS: LazyLock<Vec<Arc<LawKind>>> =
+    LazyLock::new(|| shared(controller_process::laws::all()));
+
+fn shared<T>(kinds: Vec<T>) -> Vec<Arc<T>> {
+    kinds.into_iter().map(Arc::new).collect()
+}
 
 /// Returns the plant of a job.
 ///
 /// # Errors
 /// If there is no plant of this name.
-fn plant_of(job: &PlantJob) -> Result<&'static PlantKind, String> {
+fn plant_of(job: &PlantJob) -> Result<&'static Arc<PlantKind>, String> {
     let model = &job.plant.model;
     let kind = PLANTS.iter().find(|kind| kind.description.name == *model);
     kind.ok_or_else(|| format!("hil has no plant `{model}`"))
@@ -57,21 +61,22 @@ pub fn check_plant(job: PlantJob) -> Result<(), String> {
 /// # Errors
 /// If the controller objects to its job.
 pub fn check_controller(job: ControllerJob) -> Result<(), String> {
-    let runner = Runner::new(law_of(&job)?, job, pair().1);
+    let law = Arc::clone(law_of(&job)?);
+    let runner = Runner::new(law, job, pair().1);
     runner.map(|_| ()).map_err(|e| e.to_string())
 }
 
-fn law_of(job: &ControllerJob) -> Result<&'static LawKind, String> {
+fn law_of(job: &ControllerJob) -> Result<&'static Arc<LawKind>, String> {
     choose(&LAWS, &job.law, &job.plant).map_err(|e| e.to_string())
 }
 
 /// Plant and law of a run in this process.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub struct Kinds {
     /// Plant.
-    pub plant: &'static PlantKind,
+    pub plant: Arc<PlantKind>,
     /// Law.
-    pub law: &'static LawKind,
+    pub law: Arc<LawKind>,
 }
 
 impl Kinds {
@@ -81,31 +86,31 @@ impl Kinds {
     /// If there is no plant or no law of such a name.
     pub fn built_in(plant: &PlantJob, controller: &ControllerJob) -> Result<Self, String> {
         Ok(Self {
-            plant: plant_of(plant)?,
-            law: law_of(controller)?,
+            plant: Arc::clone(plant_of(plant)?),
+            law: Arc::clone(law_of(controller)?),
         })
     }
 
     /// Returns `true` if these are the same plant and law, not only others of the same names.
     #[must_use]
-    pub fn are(self, other: Self) -> bool {
-        std::ptr::eq(self.plant, other.plant) && std::ptr::eq(self.law, other.law)
+    pub fn are(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.plant, &other.plant) && Arc::ptr_eq(&self.law, &other.law)
     }
 
     /// Validates a plant's job as `--check` of its program does.
     ///
     /// # Errors
     /// If the plant objects to its job.
-    pub fn check_plant(self, job: PlantJob) -> Result<(), String> {
-        program::check(self.plant, &FAULTS, job)
+    pub fn check_plant(&self, job: PlantJob) -> Result<(), String> {
+        program::check(&self.plant, &FAULTS, job)
     }
 
     /// Validates a controller's job as `--check` of its program does.
     ///
     /// # Errors
     /// If the controller objects to its job.
-    pub fn check_controller(self, job: ControllerJob) -> Result<(), String> {
-        let runner = Runner::new(self.law, job, pair().1);
+    pub fn check_controller(&self, job: ControllerJob) -> Result<(), String> {
+        let runner = Runner::new(Arc::clone(&self.law), job, pair().1);
         runner.map(|_| ()).map_err(|e| e.to_string())
     }
 }
@@ -113,7 +118,7 @@ impl Kinds {
 /// Both sides of a run.
 pub struct Turns<'a> {
     engine: Engine<InProcessLink, Box<dyn RecordSink + 'a>>,
-    runner: Runner<'static, InProcessLink>,
+    runner: Runner<Arc<LawKind>, InProcessLink>,
 }
 
 impl<'a> Turns<'a> {
@@ -141,10 +146,10 @@ impl<'a> Turns<'a> {
         sink: Box<dyn RecordSink + 'a>,
     ) -> Result<Self, String> {
         let (plant_link, controller_link) = pair();
-        let engine = Engine::new(kinds.plant, &FAULTS, plant, plant_link, sink);
+        let engine = Engine::new(&kinds.plant, &FAULTS, plant, plant_link, sink);
         let runner = Runner::new(kinds.law, controller, controller_link);
         Ok(Self {
-            engine: engine.map_err(|e| e.to_string())?,
+            engine: engine.map_err(|e| e.to_string())?.without_log(),
             runner: runner.map_err(|e| e.to_string())?,
         })
     }
@@ -163,7 +168,11 @@ impl<'a> Turns<'a> {
     /// If the link or the record stream failed.
     #[inline]
     pub fn turn(&mut self) -> Result<Progress, LinkError> {
+        let was_running = self.runner.end().is_none();
         self.runner.poll()?;
+        if was_running && let Some(End::Aborted(Abort::Failed(reason))) = self.runner.end() {
+            self.engine.controller_failed(reason.clone());
+        }
         self.engine.poll()
     }
 
@@ -173,25 +182,10 @@ impl<'a> Turns<'a> {
         self.engine.end()
     }
 
-    /// Returns the reason for the end of the run, if there is one: that of the controller itself where the plant knows
-    /// only that the controller gave up.
+    /// Returns the reason for the end of the run, if there is one.
     #[must_use]
     pub fn reason(&self) -> Option<&str> {
-        let end = self.end()?;
-        let reason = end.reason.as_deref()?;
-        let Some(End::Aborted(abort @ Abort::Failed(own))) = self.runner.end() else {
-            return Some(reason);
-        };
-        let known = Abort::ByPeer {
-            peer: Side::Controller.name(),
-            at: Step(end.steps),
-            code: abort.code(),
-        };
-        Some(if reason == known.to_string() {
-            own
-        } else {
-            reason
-        })
+        self.end()?.reason.as_deref()
     }
 
     /// Returns the state of plant and controller in a run that is held before a step.

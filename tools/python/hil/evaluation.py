@@ -58,6 +58,8 @@ def evaluate(
     verdict `aborted`. Ctrl-C ends all runs and raises KeyboardInterrupt.
     """
     keys, points = _columns(points, keys)
+    if not isinstance(points, Iterable):
+        raise TypeError(f"`points` is {points!r}; use points, one after the other")
     first, common = settings(set), dict(set or {})
     rows = [_values(place, point, keys) for place, point in enumerate(points)]
     flags, path = [settings(row) for row in rows], os.fspath(scenario)
@@ -141,7 +143,8 @@ def _values(place: int, point: Any, keys: Optional[Sequence[str]]) -> Dict[str, 
         if not isinstance(row, list) or any(isinstance(value, list) for value in row):
             raise TypeError(f"point {place} is {row!r}; use a row of {len(keys)} values, in the order of `keys`")
         if len(row) != len(keys):
-            raise ValueError(f"point {place} has {len(row)} values for {len(keys)} keys")
+            keys_of = f"{len(keys)} keys" if len(keys) != 1 else "1 key"
+            raise ValueError(f"point {place} has {len(row)} values for {keys_of}")
         values = dict(zip(keys, row))
     for key, value in values.items():
         if isinstance(value, float) and math.isnan(value):

@@ -30,6 +30,7 @@ try:
 except ModuleNotFoundError as error:
     raise ProgramError("hil.gym needs the package gymnasium: pip install gymnasium") from error
 import numpy as np
+from gymnasium.vector.async_vector_env import _async_worker
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
@@ -283,13 +284,22 @@ class _Pipe:
             raise self._vector.lost() from error
 
 
+def _work(*arguments: Any) -> None:
+    """Is the process of an environment, and ends quietly with the process that started it."""
+    try:
+        _async_worker(*arguments)
+    except (EOFError, ConnectionError):
+        # It was reported where the environments were made, or nobody is left to whom it could be.
+        pass
+
+
 class _Vector(gymnasium.vector.AsyncVectorEnv):
     """Environments in processes, which all end if one of them is lost."""
 
     def __init__(self, count: int, make: Callable[[], Env]) -> None:
         self.processes: List[Any] = []
         try:
-            super().__init__([make] * count, context="spawn")
+            super().__init__([make] * count, context="spawn", worker=_work)
         except (EOFError, OSError) as error:
             if not self.processes:
                 raise

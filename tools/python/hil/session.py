@@ -169,7 +169,10 @@ class Session:
         or while a program hangs, it ends the run, and `is_over` is `True`. Raises `InfrastructureError` if plant or law
         fail, and `SessionError` after the end of the run.
         """
-        self._step(n)
+        try:
+            self._step(n)
+        except OverflowError:
+            raise OverflowError(f"{n} is no number of steps; it is 0 or more, and has at most 64 bits") from None
 
     def step_to(self, time_s: float = float("inf")) -> None:
         """Executes all steps before the first one at or after this simulated time; without it, the whole run."""
@@ -236,6 +239,9 @@ class Session:
     def observe(self, names: Sequence[str]) -> Observation:
         """Returns an observation of several signals, for loops that read them at every step."""
         names = [names] if isinstance(names, str) else list(names)
+        for name in names:
+            if not isinstance(name, str):
+                raise TypeError(f"{name!r} is no name of a signal; use texts such as 'truth.position_m'")
         native = self._native.observe(names)
         if isinstance(native, str):
             raise self._unknown(native)
@@ -330,7 +336,10 @@ class Session:
 
     def reset(self, seed: Optional[int] = None) -> None:
         """Begins again at step 0, without live faults and changes; `seed` is the value of `run.seed` from then on."""
-        self._native.reset(seed)
+        try:
+            self._native.reset(seed)
+        except OverflowError:
+            raise OverflowError(f"{seed} is no seed; it is 0 to 2**63 - 1") from None
 
     # Results.
 
@@ -396,7 +405,11 @@ def _is_whole(value: object) -> bool:
 
 def _number(key: str, value: object) -> float:
     """Returns a value as a finite number; `key` is its place in an exception."""
+    # A truth value, also of numpy, or a text would be taken as a number.
+    is_truth = isinstance(value, bool) or getattr(getattr(value, "dtype", None), "kind", None) == "b"
     try:
+        if is_truth or isinstance(value, (str, bytes, bytearray)):
+            raise TypeError
         number = float(value)  # type: ignore[arg-type]
     except (TypeError, ValueError):
         raise TypeError(f"{value!r} cannot be the value of `{key}`; use a number") from None

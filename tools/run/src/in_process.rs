@@ -136,7 +136,7 @@ fn take_turns(
 ) -> Result<RunEnd, String> {
     let (limit, settings) = (WaitLimit::from_seconds(plant.wait_limit_s), plant.realtime);
     let kinds = Kinds::built_in(&plant, &controller)?;
-    let context = LiveContext::new(kinds.plant, &FAULTS, &plant);
+    let context = LiveContext::new(&kinds.plant, &FAULTS, &plant);
     let objections = objections(kinds, plant.clone(), controller.clone());
     let turns = Turns::new(plant, controller, &mut sink)?;
     let (queue, builder) = (turns.queue(), turns.builder());

@@ -115,7 +115,7 @@ impl SteppedRun {
         let fresh = StepRecorder::new(&plan, layout.clone());
         let recorder = SharedRecorder(Rc::new(RefCell::new(fresh.clone())));
         let jobs = (plant, controller);
-        let turns = start(kinds, jobs.clone(), &recorder)?;
+        let turns = start(&kinds, jobs.clone(), &recorder)?;
         let mut run = Self {
             plan: Arc::new(plan),
             described,
@@ -170,7 +170,7 @@ impl SteppedRun {
         context: Option<Arc<LiveContext>>,
     ) -> Result<(), Failure> {
         let recorder = SharedRecorder(Rc::new(RefCell::new(recorder)));
-        let turns = start(self.kinds, jobs, &recorder)?;
+        let turns = start(&self.kinds, jobs, &recorder)?;
         let present = (
             std::mem::replace(&mut self.turns, turns),
             std::mem::replace(&mut self.recorder, recorder),
@@ -197,7 +197,7 @@ impl SteppedRun {
         let states = self.turns.states().map_err(Failure::usage)?;
         Ok(SavedRun {
             plan: Arc::clone(&self.plan),
-            kinds: self.kinds,
+            kinds: self.kinds.clone(),
             step: self.step(),
             states,
             recorder: self.recorder.0.borrow().clone(),
@@ -218,7 +218,7 @@ impl SteppedRun {
                 "the state is one of another scenario, or of another seed",
             ));
         }
-        if !saved.kinds.are(self.kinds) {
+        if !saved.kinds.are(&self.kinds) {
             return Err(Failure::usage(
                 "the state is one of another plant or law of the same name",
             ));
@@ -305,13 +305,13 @@ impl SteppedRun {
 
     /// Passes a request of a session to the run, which is held.
     pub fn request(&mut self, request: Request) -> Response {
-        let (turns, kinds, (plant, controller)) = (&mut self.turns, self.kinds, &self.jobs);
+        let (turns, kinds, (plant, controller)) = (&mut self.turns, &self.kinds, &self.jobs);
         let service = self.service.get_or_insert_with(|| {
             let context = match &self.context {
                 Some(context) => (**context).clone(),
-                None => LiveContext::new(kinds.plant, &FAULTS, plant),
+                None => LiveContext::new(&kinds.plant, &FAULTS, plant),
             };
-            let objections = objections(kinds, plant.clone(), controller.clone());
+            let objections = objections(kinds.clone(), plant.clone(), controller.clone());
             Service::new(context, turns.queue(), turns.builder(), objections)
         });
         // A link that failed ends the run, which the next advance reports.
@@ -439,10 +439,10 @@ pub fn signals(layout: &RecordLayout) -> impl Iterator<Item = (String, &str)> {
 
 /// Creates both sides of a run, which are held before their first step.
 fn start(
-    kinds: Kinds,
+    kinds: &Kinds,
     (plant, controller): (PlantJob, ControllerJob),
     recorder: &SharedRecorder,
 ) -> Result<Turns<'static>, Failure> {
-    let turns = Turns::of(kinds, plant, controller, Box::new(recorder.clone()));
+    let turns = Turns::of(kinds.clone(), plant, controller, Box::new(recorder.clone()));
     turns.map_err(Failure::usage)
 }

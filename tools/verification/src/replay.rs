@@ -20,6 +20,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
+use controller_process::controller::LawKind;
 use controller_process::job::{JOB_FILE, Job};
 use controller_process::runner::{Runner, choose};
 use hil_config::plan::Plan;
@@ -316,7 +317,7 @@ impl Loop {
 
 fn turns(
     host: &mut Host<InProcessLink>,
-    runner: &mut Runner<'_, InProcessLink>,
+    runner: &mut Runner<&LawKind, InProcessLink>,
     mut waiter: Waiter,
     supervision: &Supervision,
 ) -> Result<(), shared_types::link::LinkError> {

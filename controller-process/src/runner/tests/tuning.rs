@@ -88,7 +88,7 @@ impl Controller for Tunable {
 /// A run of the law, with its plant's end driven by the test.
 struct Bench {
     plant: InProcessLink,
-    runner: Runner<'static, InProcessLink>,
+    runner: Runner<&'static LawKind, InProcessLink>,
 }
 
 impl Bench {

@@ -6,6 +6,7 @@ use std::rc::Rc;
 use hil_config::plan::Limit;
 use hil_session::supervision::Supervision;
 use hil_session::waiter::Waiter;
+use shared_types::record::ControllerFate;
 
 use super::*;
 
@@ -53,6 +54,44 @@ fn a_nan_command_ends_the_run_and_is_named() {
         let reason = engine.end().expect("over").reason.clone().expect("told");
         assert!(reason.contains("command of step 0: force_n"), "{reason}");
         assert_eq!(published(&mut source).0.len(), 0);
+    }
+}
+
+#[test]
+fn a_controller_in_the_same_process_is_lost_with_its_own_reason() {
+    let other = "controller gave up at step 0: see its log";
+    for known in [Some("no gain"), None] {
+        let reason = known.unwrap_or(other);
+        for policy in [OnLoss::Abort, OnLoss::Hold] {
+            let job = chatter::job_of(2, policy, Clock::Lockstep);
+            let (engine, mut controller, mut source) = greeted(job);
+            let mut engine = engine.without_log();
+            frame(&mut engine, &mut controller);
+            let abort = Header {
+                directive: AbortCode::Other as u64,
+                ..Header::new(FrameKind::Abort, Step(0))
+            };
+            controller.send(&abort, &[]).expect("sends");
+            if let Some(known) = known {
+                engine.controller_failed(known.into());
+            }
+            while engine.poll().expect("polls") != Progress::Over {}
+            let end = engine.end().expect("over");
+            if policy == OnLoss::Abort {
+                assert_eq!(end.reason.as_deref(), Some(reason));
+                continue;
+            }
+            assert_eq!(end.outcome, Outcome::Completed);
+            let (_, events) = published(&mut source);
+            let [Event::Controller(change), Event::End(_)] = &events[..] else {
+                panic!("{events:?}");
+            };
+            let fate = ControllerFate::Lost {
+                reason: reason.into(),
+                policy,
+            };
+            assert_eq!(change.change, fate);
+        }
     }
 }
 

@@ -11,8 +11,6 @@ use shared_types::describe::{Invalid, LawDescription};
 use shared_types::failure::Failure;
 use shared_types::state::{State, check_count};
 
-use crate::owned::Owned;
-
 /// Name of the law in a scenario.
 const NAME: &str = "agent";
 
@@ -31,7 +29,7 @@ impl Chosen {
 #[pyclass(frozen, module = "hil._native")]
 pub(crate) struct Agent {
     chosen: Chosen,
-    kind: Arc<Owned<LawKind>>,
+    kind: Arc<LawKind>,
 }
 
 #[pymethods]
@@ -40,7 +38,7 @@ impl Agent {
     #[new]
     fn new() -> Self {
         let chosen = Chosen::default();
-        let kind = Owned::new(kind(chosen.clone()));
+        let kind = Arc::new(kind(chosen.clone()));
         Self { chosen, kind }
     }
 
@@ -65,7 +63,7 @@ impl Agent {
 
 impl Agent {
     /// Returns the law of this agent.
-    pub(crate) fn kind(&self) -> Arc<Owned<LawKind>> {
+    pub(crate) fn kind(&self) -> Arc<LawKind> {
         Arc::clone(&self.kind)
     }
 }

@@ -1,7 +1,6 @@
 //! Classes of Python as plants and laws of sessions.
 //!
-//! A runner borrows its law and a run knows its kinds by their addresses, so each class is read once and kept as long
-//! as a session or a saved state has it.
+//! A saved state belongs to the kinds of its run, so each class is read once, and kept as long as anything has its kind.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError, Weak};
@@ -11,14 +10,13 @@ use plant_process::plant::PlantKind;
 use pyo3::prelude::*;
 
 use crate::agent::Agent;
-use crate::owned::Owned;
 use crate::side;
 
 /// Plant and law of a session that are not built in.
-#[derive(Clone, Default)]
+#[derive(Default)]
 pub(crate) struct Classes {
-    plant: Option<Arc<Owned<PlantKind>>>,
-    law: Option<Arc<Owned<LawKind>>>,
+    pub(crate) plant: Option<Arc<PlantKind>>,
+    pub(crate) law: Option<Arc<LawKind>>,
 }
 
 impl Classes {
@@ -40,27 +38,10 @@ impl Classes {
             law: law.transpose()?,
         })
     }
-
-    /// Returns the plant and the law.
-    ///
-    /// # Safety
-    /// No use of a reference may outlive these classes and their clones.
-    pub(crate) unsafe fn kinds(&self) -> (Option<&'static PlantKind>, Option<&'static LawKind>) {
-        let (plant, law) = (self.plant.as_ref(), self.law.as_ref());
-        // SAFETY: these classes own them, and the caller observes the rest.
-        unsafe { (plant.map(|one| one.get()), law.map(|one| one.get())) }
-    }
-}
-
-/// Run or saved state, with the classes that it refers to.
-pub(crate) struct With<T> {
-    /// Dropped first.
-    pub(crate) inner: T,
-    pub(crate) classes: Classes,
 }
 
 /// Kinds in use by the address of their class, which stays valid because the kind holds the class.
-type Known<T> = Mutex<Option<HashMap<usize, Weak<Owned<T>>>>>;
+type Known<T> = Mutex<Option<HashMap<usize, Weak<T>>>>;
 
 static PLANTS: Known<PlantKind> = Mutex::new(None);
 static LAWS: Known<LawKind> = Mutex::new(None);
@@ -69,7 +50,7 @@ fn known<T>(
     known: &Known<T>,
     class: &Bound<'_, PyAny>,
     read: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>,
-) -> PyResult<Arc<Owned<T>>> {
+) -> PyResult<Arc<T>> {
     let address = class.as_ptr() as usize;
     let locked = || known.lock().unwrap_or_else(PoisonError::into_inner);
     let earlier = locked()
@@ -79,7 +60,7 @@ fn known<T>(
         return Ok(kind);
     }
     // Reads attributes of the class, which may run any code: without the lock.
-    let kind = Owned::new(read(class)?);
+    let kind = Arc::new(read(class)?);
     let mut kinds = locked();
     let kinds = kinds.get_or_insert_default();
     kinds.retain(|_, kind| kind.strong_count() > 0);

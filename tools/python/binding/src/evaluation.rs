@@ -10,6 +10,7 @@ use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
 use hil_facts::results::summary::Metric;
+use crate::class::Classes;
 use hil_run::alone;
 use pyo3::prelude::*;
 use shared_types::record::Outcome;
@@ -32,7 +33,7 @@ pub(crate) fn evaluate_points(
 ) -> PyResult<Option<String>> {
     let check = |place: usize| {
         let all = [&flags[..], &points[place]].concat();
-        let checked = scenario::read(path.clone(), &all, (None, None))?;
+        let checked = scenario::read(path.clone(), &all, &Classes::default())?;
         checked.map(refuse_clock).transpose()
     };
     let interruption = Interruption::default();

@@ -4,8 +4,8 @@
 //! 2. `session` holds its run in this process and executes it step by step; `observer` copies values of the newest
 //!    step into memory of Python, and `saved` is the state before a step.
 //! 3. `request` turns the words of `hil inject` into the request of a session, and reads the answer with a record.
-//! 4. `side` makes plants and laws of Python classes, and is the process of such a side; `class` keeps those of
-//!    sessions, `owned` as long as anything has them.
+//! 4. `side` makes plants and laws of Python classes, and is the process of such a side; `class` reads each class
+//!    once for all sessions that have it.
 //! 5. `evaluation` runs a scenario at many points, on all cores.
 //! 6. `agent` chooses the commands of a session in place of a law, and `environment` executes the steps between its
 //!    choices.
@@ -21,7 +21,6 @@ mod environment;
 mod evaluation;
 mod failure;
 mod observer;
-mod owned;
 mod request;
 mod saved;
 mod scenario;

@@ -4,20 +4,19 @@ use hil_run::stepped::SavedRun;
 use pyo3::prelude::*;
 
 use crate::bound::Bound;
-use crate::class::With;
 
 /// State of a session before a step, with the results of all earlier steps. It is memory of this process.
 #[pyclass(frozen, module = "hil._native")]
 pub(crate) struct Saved {
-    pub(crate) run: Bound<With<SavedRun>>,
+    pub(crate) run: Bound<SavedRun>,
     step: u64,
 }
 
 impl Saved {
     /// Wraps a saved run.
-    pub(crate) fn new(run: With<SavedRun>) -> Self {
+    pub(crate) fn new(run: SavedRun) -> Self {
         Self {
-            step: run.inner.step().0,
+            step: run.step().0,
             run: Bound::new(run),
         }
     }

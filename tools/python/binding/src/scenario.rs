@@ -17,6 +17,7 @@ use plant_process::plant::PlantKind;
 use pyo3::PyResult;
 use shared_types::describe::Description;
 
+use crate::class::Classes;
 use crate::failure::{raised, refused};
 
 /// Descriptions of the plants, laws and faults that are built into `hil`.
@@ -38,7 +39,7 @@ pub(crate) struct Checked {
 pub(crate) fn read(
     path: PathBuf,
     flags: &[String],
-    (plant, law): (Option<&'static PlantKind>, Option<&'static LawKind>),
+    Classes { plant, law }: &Classes,
 ) -> PyResult<Option<Checked>> {
     let raised = |failure: Failure| raised(&failure);
     let scenario = Scenario::read(path).map_err(|problems| refused(&problems))?;
@@ -62,7 +63,7 @@ pub(crate) fn read(
     }
     let described = match (plant, law) {
         (None, None) => Arc::clone(&BUILT_IN),
-        (plant, law) => with_classes(plant, law)?,
+        (plant, law) => with_classes(plant.as_deref(), law.as_deref()),
     };
     let [plants, laws] = &*described;
     let advice = Advice {
@@ -73,7 +74,8 @@ pub(crate) fn read(
     let plan = scenario.advise(advice);
     let plan = plan.check(&plants.plants, &laws.laws, &plants.faults);
     let plan = plan.map_err(|problems| refused(&problems))?;
-    let kinds = kinds(&plan, plant, law).map_err(|name| raised(Failure::usage(name)))?;
+    let kinds =
+        kinds(&plan, plant.as_ref(), law.as_ref()).map_err(|name| raised(Failure::usage(name)))?;
     if kinds.is_none() {
         alone::check(&plan, &described).map_err(raised)?;
     }
@@ -85,10 +87,7 @@ pub(crate) fn read(
 }
 
 /// Adds the given plant and law to those that are built in; a name is taken once.
-fn with_classes(
-    plant: Option<&'static PlantKind>,
-    law: Option<&'static LawKind>,
-) -> PyResult<Arc<[Description; 2]>> {
+fn with_classes(plant: Option<&PlantKind>, law: Option<&LawKind>) -> Arc<[Description; 2]> {
     let [mut plants, mut laws] = (**BUILT_IN).clone();
     if let Some(plant) = plant {
         plants
@@ -100,7 +99,7 @@ fn with_classes(
         laws.laws.retain(|other| other.name != law.description.name);
         laws.laws.push(law.description.clone());
     }
-    Ok(Arc::new([plants, laws]))
+    Arc::new([plants, laws])
 }
 
 /// Returns the plant and the law of a plan, of which one is given; `None` if none is.
@@ -109,8 +108,8 @@ fn with_classes(
 /// If a given one is not that of the plan.
 fn kinds(
     plan: &Plan,
-    plant: Option<&'static PlantKind>,
-    law: Option<&'static LawKind>,
+    plant: Option<&Arc<PlantKind>>,
+    law: Option<&Arc<LawKind>>,
 ) -> Result<Option<Kinds>, String> {
     if plant.is_none() && law.is_none() {
         return Ok(None);
@@ -128,11 +127,14 @@ fn kinds(
         return Err(other("law", class, "controller.law", name));
     }
     let plant = plant.or_else(|| PLANTS.iter().find(|kind| kind.description.name == *model));
-    let suits = |kind: &&LawKind| {
+    let suits = |kind: &&Arc<LawKind>| {
         kind.description.name == *name && kind.description.suits(&plan.controller.made_for)
     };
     let law = law.or_else(|| LAWS.iter().find(suits));
-    let both = plant.zip(law).map(|(plant, law)| Kinds { plant, law });
+    let both = plant.zip(law).map(|(plant, law)| Kinds {
+        plant: Arc::clone(plant),
+        law: Arc::clone(law),
+    });
     both.map(Some)
         .ok_or_else(|| "the plant or the law is missing".into())
 }

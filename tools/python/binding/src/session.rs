@@ -16,7 +16,7 @@ use shared_types::table::Field;
 use shared_types::time::Step;
 
 use crate::bound::{Along, Bound as ThreadBound};
-use crate::class::{Classes, With};
+use crate::class::Classes;
 use crate::failure::{raised, session_error};
 use crate::observer::Observer;
 use crate::saved::Saved;
@@ -28,7 +28,7 @@ const BETWEEN_SIGNALS: Duration = Duration::from_millis(20);
 /// Run in this process, held before its next step.
 #[pyclass(frozen, module = "hil._native")]
 pub(crate) struct Session {
-    run: ThreadBound<With<SteppedRun>>,
+    run: ThreadBound<SteppedRun>,
     /// `true` if plant or law is a class, whose exceptions are Python's.
     has_classes: bool,
 }
@@ -45,9 +45,7 @@ pub(crate) fn open_session(
     law: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Option<Session>> {
     let classes = Classes::of(plant, law)?;
-    // SAFETY: the run that takes them is dropped before the classes beside it.
-    let kinds = unsafe { classes.kinds() };
-    let Some(checked) = scenario::read(path, &flags, kinds)? else {
+    let Some(checked) = scenario::read(path, &flags, &classes)? else {
         return Ok(None);
     };
     let has_classes = checked.kinds.is_some();
@@ -55,10 +53,7 @@ pub(crate) fn open_session(
         SteppedRun::new(checked.plan, checked.described, checked.kinds)
     });
     Ok(Some(Session {
-        run: ThreadBound::new(With {
-            inner: run?,
-            classes,
-        }),
+        run: ThreadBound::new(run?),
         has_classes,
     }))
 }
@@ -73,7 +68,7 @@ impl Session {
     /// # Errors
     /// As for [`Bound::get`](ThreadBound::get).
     pub(crate) fn run(&self) -> PyResult<RefMut<'_, SteppedRun>> {
-        Ok(RefMut::map(self.run.get()?, |run| &mut run.inner))
+        self.run.get()
     }
 
     /// Executes steps up to `target` without the interpreter, and looks for signals now and then.
@@ -201,17 +196,16 @@ impl Session {
 
     /// Saves the session before its next step.
     fn save(&self, py: Python<'_>) -> PyResult<Saved> {
-        let mut run = self.run.get()?;
-        let inner = caused(py, self.has_classes, || run.inner.save())?;
-        let classes = run.classes.clone();
-        Ok(Saved::new(With { inner, classes }))
+        let mut run = self.run()?;
+        let saved = caused(py, self.has_classes, || run.save())?;
+        Ok(Saved::new(saved))
     }
 
     /// Continues from a saved state.
     fn restore(&self, py: Python<'_>, saved: &Bound<'_, Saved>) -> PyResult<()> {
         let saved = saved.get().run.get()?;
         let mut run = self.run()?;
-        caused(py, self.has_classes, || run.restore(&saved.inner))
+        caused(py, self.has_classes, || run.restore(&saved))
     }
 
     /// Begins again at step 0, with another seed if one is given.
