@@ -16,6 +16,18 @@ READ = "() => document.documentElement.dataset.read.split(' ').map(Number)"
 DRAWN = """() => { const { part, series, from, to } = document.querySelector('figure.plot').panelPlot;
   const { least, greatest } = part.of(series[0].signal);
   return { first: part.first, length: part.length, least: [...least], greatest: [...greatest], name: series[0].signal.name }; }"""
+# Share of each plot in sight that is marked along its lower edge.
+MARKED = """() => [...document.querySelectorAll('figure.plot')].filter((one) => one.querySelector('canvas') && one.getBoundingClientRect().top < innerHeight).map((figure) => {
+  const canvas = figure.querySelector('canvas'), { left, top, width, height } = figure.panelPlot.plot.bbox;
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const row = copy.getImageData(left, top + height - 3, width, 1).data, ink = getComputedStyle(document.documentElement).getPropertyValue('--found').trim();
+  const colour = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
+  let marked = 0;
+  for (let at = 0; at < row.length; at += 4) if (colour.every((part, nth) => Math.abs(part - row[at + nth]) < 12)) marked++;
+  return marked / width;
+})"""
+LISTED = "[...document.querySelectorAll('#intervals button')].map((one) => one.textContent)"
 
 
 def opened(desk, **options):
@@ -274,6 +286,54 @@ def names(desk):
     return result
 
 
+def refusals(page):
+    """What a page says to formulas that are none, or that cannot be judged at each step."""
+    result = {}
+    for formula in ("truth.nothing > 1", "always(truth.position_m < 1)", "truth.position_m >", "truth.position_m < 3 N"):
+        page.evaluate("delete document.documentElement.dataset.found")
+        page.fill("#where", formula)
+        page.keyboard.press("Enter")
+        wait(page, "document.documentElement.dataset.found !== undefined")
+        result[formula] = [page.evaluate("document.documentElement.dataset.found"), page.inner_text("#where-says")]
+    return result
+
+
+def refused(desk):
+    """The same in an object of their own."""
+    page = opened(desk)
+    result = {"refused": refusals(page)}
+    desk.close(page)
+    return result
+
+
+def growing(desk):
+    """In a session: the intervals of a formula up to now, after some more steps, and formulas that are refused."""
+    page = desk.open()
+    panel_page.attached(page)
+    state(page, "paused")
+    page.select_option("#window", label="whole run")
+    page.keyboard.press("w")
+    page.keyboard.type("truth.velocity_mps > 0")
+    page.keyboard.press("Enter")
+
+    def found(least):
+        wait(page, "(least) => { const { judged, newest } = document.documentElement.dataset; return newest >= least && Number(judged) === Number(newest) + 1; }", least)
+        page.wait_for_timeout(200)
+        return {"says": page.inner_text("#where-says"), "list": page.evaluate(LISTED), "judged": page.evaluate("document.documentElement.dataset.judged"), "marked": page.evaluate(MARKED)}
+
+    result = {"held": found(2498)}
+    page.locator("#intervals button").last.focus()
+    page.evaluate("window.focusedBefore = document.activeElement")
+    panel_page.go()
+    result["grown"] = found(3498)
+    result["focused"] = page.evaluate("window.focusedBefore === document.activeElement")
+    if len(sys.argv) > 4:
+        page.screenshot(path=f"{sys.argv[4]}/growing.png")
+    result["refused"] = refusals(page)
+    desk.close(page)
+    return result
+
+
 def where(desk):
     """The intervals of a formula, by keys, and a formula that is none."""
     page = opened(desk)
@@ -281,28 +341,14 @@ def where(desk):
     page.keyboard.type("abs(tracking_error_m) > 2e-3 and truth.position_m < 0.011")
     page.keyboard.press("Enter")
     wait(page, "document.documentElement.dataset.found !== undefined")
-    result = {"says": page.inner_text("#where-says"), "list": page.evaluate("[...document.querySelectorAll('#intervals button')].map((one) => one.textContent)")}
+    result = {"says": page.inner_text("#where-says"), "list": page.evaluate(LISTED)}
     page.wait_for_timeout(100)
-    result["marked"] = page.evaluate("""() => [...document.querySelectorAll('figure.plot')].filter((one) => one.querySelector('canvas') && one.getBoundingClientRect().top < innerHeight).map((figure) => {
-      const canvas = figure.querySelector('canvas'), { left, top, width, height } = figure.panelPlot.plot.bbox;
-      const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
-      copy.drawImage(canvas, 0, 0);
-      const row = copy.getImageData(left, top + height - 3, width, 1).data, ink = getComputedStyle(document.documentElement).getPropertyValue('--found').trim();
-      const colour = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
-      let marked = 0;
-      for (let at = 0; at < row.length; at += 4) if (colour.every((part, nth) => Math.abs(part - row[at + nth]) < 12)) marked++;
-      return marked / width;
-    })""")
+    result["marked"] = page.evaluate(MARKED)
     if len(sys.argv) > 4:
         page.screenshot(path=f"{sys.argv[4]}/where.png")
     page.locator("#intervals button").first.click()
     result["range"] = page.evaluate(RANGE)
-    for formula in ("truth.nothing > 1", "always(truth.position_m < 1)", "truth.position_m >", "truth.position_m < 3 N"):
-        page.evaluate("delete document.documentElement.dataset.found")
-        page.fill("#where", formula)
-        page.keyboard.press("Enter")
-        wait(page, "document.documentElement.dataset.found !== undefined")
-        result[formula] = [page.evaluate("document.documentElement.dataset.found"), page.inner_text("#where-says")]
+    result.update(refusals(page))
     desk.close(page)
     return result
 
@@ -431,7 +477,7 @@ def accessible(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, ghost, branch, fold, accessible)}
+PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, branch, fold, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

@@ -11,6 +11,7 @@ mod intruders;
 mod log;
 mod page;
 mod recorded;
+mod searches;
 mod stream;
 
 use std::ffi::OsStr;

@@ -7,8 +7,10 @@
 //!    requests to the [`board`].
 //! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
 //!    recorded run.
-//! 5. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
-//! 6. The [`opener`] opens the page, if this machine has a screen.
+//! 5. A page that searches for the steps at which a formula holds gets its [`occurrences`]: in a session by a
+//!    [`live_search`] of the [`kept_records`] and of every step that follows.
+//! 6. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
+//! 7. The [`opener`] opens the page, if this machine has a screen.
 //!
 //! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
 //! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
@@ -19,7 +21,10 @@ pub(crate) mod board;
 pub(crate) mod branches;
 pub(crate) mod client;
 pub(crate) mod kept;
+pub(crate) mod kept_records;
+pub(crate) mod live_search;
 pub mod message;
+pub(crate) mod occurrences;
 pub(crate) mod opener;
 pub(crate) mod page;
 pub(crate) mod reading;
@@ -48,11 +53,12 @@ use shared_types::live::{Request, Response};
 use super::monitor::asking::Asking;
 use super::monitor::keys::input_is_gone;
 use super::monitor::model::Model;
-use super::monitor::watch::Watch;
+use super::monitor::watch::{Audience, Watch};
 use super::monitor::{self, SharedModel, line, prepared};
 use crate::arguments::panel::PanelArguments;
 use board::{Board, Button};
 use branches::Branches;
+use kept_records::KeptRecords;
 use server::Server;
 
 /// Polling interval for the session and the clients.
@@ -101,14 +107,16 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     let over = recorded::laid_over(arguments, plan.run.rate.hz())?;
     let run_dir = session.run_dir.clone();
     let window_s = arguments.window.unwrap_or(plan.panel.window_s);
+    let kept = KeptRecords::new(plan.clone());
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
     let model = SharedModel(Arc::new(Mutex::new(model)));
-    let watch = Watch::start(session.clone(), model.clone(), None, true);
+    let audience: Box<dyn Audience> = Box::new(kept.clone());
+    let watch = Watch::start(session.clone(), model.clone(), Some(audience), true);
     watch.wait_for_first();
     watch.check()?;
-    show_newest(&session, &model);
+    show_newest(&session, &model, &kept);
     let asking = Asking::start(session.clone(), model.clone());
-    let board = Board::new(session, model.clone(), buttons, window_s, over);
+    let board = Board::new(session, (model.clone(), kept), buttons, window_s, over);
     let branches = Arc::clone(&board.branches);
     let server = Server::start(Arc::new(board))?;
     let url = server.url();
@@ -139,14 +147,16 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// Gives the model the latest record of a paused run, because the stream delivers none until the run resumes.
-fn show_newest(session: &SessionInfo, model: &SharedModel) {
+/// Gives the model and the searches the latest record of a paused run, because the stream delivers none until the run
+/// resumes.
+fn show_newest(session: &SessionInfo, model: &SharedModel, kept: &KeptRecords) {
     let response = hil_session::live::ask(session, &Request::Record, LOOK * 50);
     if let Ok(Response::Record { layout, words }) = response {
         let mut model = model.lock();
         let is_fit = words.len() == layout.words() && model.drawn().next().is_some();
         if is_fit && model.seen().is_none() {
             model.take(Seen::Record(layout.view(&words), &words));
+            kept.keep(&words);
         }
     }
 }

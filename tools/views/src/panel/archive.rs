@@ -7,7 +7,6 @@
 //! Changes nothing, and never starts a program.
 
 mod description;
-mod occurrences;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -20,9 +19,9 @@ use serde_json::{Value, json};
 use shared_types::time::{Rate, Step};
 use tungstenite::Message;
 
-use occurrences::Search;
-
+use super::live_search::refusal;
 use super::message::{ClientMessage, MOST_STRETCHES};
+use super::occurrences::Search;
 use super::reading::{Measured, Reading, Sums, widen};
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
@@ -267,9 +266,7 @@ impl Archive {
                 "tell": "where", "number": number, "formula": formula, "intervals": result.intervals,
                 "count": result.count, "steps": result.steps, "judged": result.judged,
             }),
-            Err(error) => {
-                json!({ "tell": "where", "number": number, "formula": formula, "error": error })
-            }
+            Err(error) => refusal(number, formula, &error),
         }
     }
 

@@ -18,6 +18,7 @@ use tungstenite::Message;
 use super::archive::Archive;
 use super::branches::{Branches, Trunk};
 use super::kept;
+use super::kept_records::KeptRecords;
 use super::message::{Action, ClientMessage};
 use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
@@ -36,6 +37,8 @@ pub(crate) struct Button {
 pub(crate) struct Board {
     pub(super) session: SessionInfo,
     pub(super) model: SharedModel,
+    /// Newest records, for searches.
+    pub(super) kept: KeptRecords,
     pub(super) buttons: Vec<Button>,
     /// Recorded run that is laid over this one.
     over: Option<Archive>,
@@ -53,7 +56,7 @@ pub(crate) struct Board {
 impl Board {
     pub(crate) fn new(
         session: SessionInfo,
-        model: SharedModel,
+        (model, kept): (SharedModel, KeptRecords),
         buttons: Vec<Button>,
         window_s: f64,
         over: Option<Archive>,
@@ -69,6 +72,7 @@ impl Board {
         Self {
             session,
             model,
+            kept,
             buttons,
             over,
             window_s,

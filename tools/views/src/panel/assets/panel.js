@@ -299,14 +299,19 @@ class Plot {
   names(u) {
     within(u, (ctx, { left, top, width, height }, ratio) => {
       ctx.fillStyle = ink.found;
-      for (const [first, last] of occurrences.intervals) {
-        const from = u.valToPos(first * period(), "x", true);
-        const to = u.valToPos((last + 1) * period(), "x", true);
-        if (to < left || from > left + width) continue;
-        const wide = Math.max(Math.min(to, left + width) - Math.max(from, left), 2 * ratio);
-        ctx.fillRect(Math.max(from, left), top + height - 6 * ratio, wide, 6 * ratio);
+      const { min, max } = u.scales.x;
+      const x = (time) => left + ((time - min) * width) / (max - min);
+      // What lies within the width of the mark before is marked.
+      let edge = left;
+      for (const [first, last] of marked) {
+        const from = Math.max(x(first * period()), left);
+        const to = Math.min(Math.max(x((last + 1) * period()), from + 2 * ratio), left + width);
+        if (to <= edge) continue;
+        const begin = Math.max(from, edge);
+        edge = to;
+        ctx.fillRect(begin, top + height - 6 * ratio, to - begin, 6 * ratio);
         ctx.globalAlpha = 0.12;
-        ctx.fillRect(Math.max(from, left), top, wide, height);
+        ctx.fillRect(begin, top, to - begin, height);
         ctx.globalAlpha = 1;
       }
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
@@ -364,6 +369,8 @@ class Plot {
 let shades = [];
 let notes = [];
 let inSight = [];
+// Intervals in which the formula of a search holds, in sight.
+let marked = [];
 const shade = () => {
   shades = [];
   for (const fault of state.faults) {
@@ -414,6 +421,7 @@ const draw = () => {
   for (let i = 0; i < count; i++) times[i] = (from + i) * length;
   const blank = new Float64Array(count);
   lookAround(shownSpan);
+  marked = occurrencesIn(shownSpan);
   for (const plot of plots) plot.draw(times, blank, shownSpan, from, to, part);
   if (start - readAt > 100) {
     readAt = start;
@@ -452,7 +460,6 @@ const describe = (told) => {
   write(byId("session"), told.recorded ? `${told.session}, ${told.plant}, ${told.clock}` : `session ${told.session}, ${told.plant}, ${told.clock}${pace}`);
   root.dataset.kind = told.recorded ? "recorded" : "session";
   for (const element of document.querySelectorAll(".of-session")) element.hidden = Boolean(told.recorded);
-  for (const element of document.querySelectorAll(".of-recording")) element.hidden = !told.recorded;
   byId("over").hidden = !told.over;
   write(byId("over"), told.over ? `behind the curves: ${told.over}` : "");
   signals = told.signals.map((one, place) => ({ ...one, place, value: null, least: new Float32Array(KEPT).fill(NaN), greatest: new Float32Array(KEPT).fill(NaN) }));
@@ -493,6 +500,7 @@ const describe = (told) => {
   }
   lens.again();
   ghost.again();
+  if (sought && !told.recorded) search(sought);
   if (closer) readPart();
   showRange();
   cursorsChanged();
