@@ -382,6 +382,43 @@ def ghost(desk):
     return result
 
 
+# Pixels of the first plot in the colour of its first curve, as faint as a band is.
+FAINT = """() => { const figure = document.querySelector('figure.plot'), canvas = figure.querySelector('canvas');
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+  const colours = [...figure.querySelectorAll('.legend line')].map((line) => getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number));
+  return colours.map((colour) => {
+    let count = 0;
+    for (let at = 0; at < data.length; at += 4) if (data[at + 3] > 30 && data[at + 3] < 55 && colour.every((part, nth) => Math.abs(part - data[at + nth]) < 12)) count++;
+    return count;
+  }); }"""
+
+
+def banded(desk):
+    """The band of a baseline behind the curves of a run or of a session that is held, and what a cursor reads of it."""
+    page = desk.open()
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.wait_for_selector("figure.plot canvas")
+    page.wait_for_selector("#band:not([hidden])")
+    result = {"label": page.inner_text("#band"), "over": page.is_visible("#over")}
+    if "range" not in result["label"]:
+        wait(page, "document.documentElement.dataset.ghost !== undefined")
+    page.keyboard.press("a")
+    page.fill("#cursor-a", "0.6")
+    page.keyboard.press("Enter")
+    measured(page, 600, 600)
+    wait(page, "/outside at A/.test(document.getElementById('figures-head').textContent)")
+    page.wait_for_timeout(300)
+    result["ink"] = page.evaluate(FAINT)
+    page.click("#copy-figures")
+    result["text"] = page.text_content("#copied")
+    if len(sys.argv) > 4:
+        page.screenshot(path=f"{sys.argv[4]}/banded.png")
+    desk.close(page)
+    return result
+
+
 def branch(desk):
     """The command that goes on from the checkpoint before a cursor, and the branch at the cursor."""
     page = opened(desk)
@@ -477,7 +514,7 @@ def accessible(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, branch, fold, accessible)}
+PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, fold, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

@@ -167,6 +167,7 @@ fn head() -> Markup {
                     }
                 }
             }
+            p #band .hint hidden {}
             p #trouble .note role="alert" hidden {}
         }
     }

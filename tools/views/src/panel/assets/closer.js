@@ -64,8 +64,25 @@ const takeFigures = (answer) => {
   readLater();
   root.dataset.measured = `${answer.from} ${answer.to}`;
 };
+// The band of a baseline at a cursor, and by how much a value there is outside of it: above it, or negative below it.
+const middleAt = (row, name, at) => (about.over ? at(others.get(row.signal), name) : bandOf(signals[row.signal]).slice(1));
+const bandAt = (row, name, at) => {
+  const [margin] = bandOf(signals[row.signal]) ?? [];
+  if (margin === undefined) return null;
+  const [low, high] = ends(middleAt(row, name, at));
+  return isNothing(low) ? null : [low - margin, high + margin];
+};
+const outside = (figure, row, name, at) => {
+  if (isNothing(figure) || bandAt(row, name, at) === null) return null;
+  const [margin] = bandOf(signals[row.signal]);
+  const [low, high] = ends(middleAt(row, name, at));
+  const by = (value) => (value - high > margin ? value - high - margin : value - low < -margin ? value - low + margin : 0);
+  const [least, greatest] = ends(figure).map(by);
+  return least === greatest ? least : [least, greatest];
+};
 // Values of the other run, beside those of this one.
 const columnsOfOther = (names, at) => {
+  if (about.band) return names.flatMap((name) => [[`band at ${name}`, (row) => bandAt(row, name, at)], [`outside at ${name}`, (row) => outside(at(row, name), row, name, at)]]);
   if (!about.over) return [];
   const other = (row) => others.get(row.signal);
   const [name] = names;
