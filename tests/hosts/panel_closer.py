@@ -474,6 +474,44 @@ def fold(desk):
     return result
 
 
+# Places of what may move in each plot, from its upper edge, with width and height.
+PLACES = """() => [...document.querySelectorAll('figure.plot')].map((figure) => {
+  const { top } = figure.getBoundingClientRect();
+  return [figure.querySelector('.canvas'), ...figure.querySelectorAll('.legend button')].map((one) => {
+    const box = one.getBoundingClientRect();
+    return [box.top - top, box.width, box.height].map(Math.round).join(' ');
+  }).join(', ');
+})"""
+
+
+def still(desk):
+    """Headings and legends while a run goes on, the pointer moves and the window changes: how many places each had."""
+    result = {}
+    for width in (1280, 700, 390):
+        page = desk.open(viewport={"width": width, "height": 800})
+        panel_page.attached(page)
+        state(page, "paused")
+        inked(page)
+        places, values = set(), set()
+        for window in ("0.05", "0.5", "5"):
+            page.select_option("#window", value=window)
+            for _ in range(4):
+                before = page.evaluate("document.documentElement.dataset.newest")
+                page.click("#steps")
+                wait(page, "(before) => document.documentElement.dataset.newest !== before", before)
+                box = over(page)
+                for part in (0.1, 0.12, 0.5, 0.9):
+                    page.mouse.move(box["x"] + box["width"] * part, box["y"] + 60)
+                    page.wait_for_timeout(60)
+                    places.add(tuple(page.evaluate(PLACES)))
+                    values.update(page.evaluate("[...document.querySelectorAll('.legend .value')].map((one) => one.textContent)"))
+        result[str(width)] = {"places": [list(one) for one in places], "values": sorted(values), "notes": page.evaluate("[...document.querySelectorAll('.canvas > .hint')].map((one) => one.textContent)"), "overflow": page.evaluate(OVERFLOW)}
+        if len(sys.argv) > 4:
+            page.screenshot(path=f"{sys.argv[4]}/still-{width}.png")
+        desk.close(page)
+    return result
+
+
 AXE = """async () => {
   const { violations } = await axe.run(document, { preload: false, runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] });
   return violations.flatMap((rule) => rule.nodes.map((node) => `${rule.id} ${node.target}: ${node.failureSummary}`));
@@ -514,7 +552,7 @@ def accessible(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, fold, accessible)}
+PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, fold, still, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

@@ -176,12 +176,12 @@ class Plot {
       const dashes = kind === "wanted" ? WANTED : DASHES;
       return { signal: signals[place], isShown: !hidden.has(spec.title + " " + name), colour: nth % 8, label: spec.words[nth], dash: dashes[counts[kind]++ % dashes.length] };
     });
-    this.unitBox = make("span", unitOf(spec.unit));
+    this.unitBox = make("span", unitOf(spec.unit), { class: "unit" });
     this.noteBox = make("span", "", { class: "hint" });
     // The name that commands understand, unless heading or legend have it.
     const isNamed = spec.title === spec.heading || this.series.some(({ signal }) => signal.name === spec.title);
     const heading = make("span", parted(spec.heading));
-    heading.append(this.unitBox, " ", ...(isNamed ? [] : [make("code", parted(spec.title), { class: "name" }), " "]), this.noteBox);
+    heading.append(" ", this.unitBox, ...(isNamed ? [] : [" ", make("code", parted(spec.title), { class: "name" })]));
     const caption = make("figcaption", heading);
     this.figure = make("figure", caption, { class: "plot", tabindex: 0, "aria-label": "Plot: " + spec.heading });
     const scale = make("button", "Log", { type: "button", class: "scale", "aria-pressed": String(this.isLog), title: "Logarithmic axis of magnitudes", "aria-label": "Log axis: " + spec.heading });
@@ -189,6 +189,7 @@ class Plot {
     this.scaleButton = scale;
     caption.append(scale);
     this.box = make("div", undefined, { class: "canvas" });
+    this.box.append(this.noteBox);
     this.legendBox = make("div", undefined, { class: "legend" });
     this.figure.append(this.box, this.legendBox);
     parent.append(this.figure);
