@@ -16,6 +16,18 @@ READ = "() => document.documentElement.dataset.read.split(' ').map(Number)"
 DRAWN = """() => { const { part, series, from, to } = document.querySelector('figure.plot').panelPlot;
   const { least, greatest } = part.of(series[0].signal);
   return { first: part.first, length: part.length, least: [...least], greatest: [...greatest], name: series[0].signal.name }; }"""
+# Share of each plot in sight that is marked along its lower edge.
+MARKED = """() => [...document.querySelectorAll('figure.plot')].filter((one) => one.querySelector('canvas') && one.getBoundingClientRect().top < innerHeight).map((figure) => {
+  const canvas = figure.querySelector('canvas'), { left, top, width, height } = figure.panelPlot.plot.bbox;
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const row = copy.getImageData(left, top + height - 3, width, 1).data, ink = getComputedStyle(document.documentElement).getPropertyValue('--found').trim();
+  const colour = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
+  let marked = 0;
+  for (let at = 0; at < row.length; at += 4) if (colour.every((part, nth) => Math.abs(part - row[at + nth]) < 12)) marked++;
+  return marked / width;
+})"""
+LISTED = "[...document.querySelectorAll('#intervals button')].map((one) => one.textContent)"
 
 
 def opened(desk, **options):
@@ -274,6 +286,54 @@ def names(desk):
     return result
 
 
+def refusals(page):
+    """What a page says to formulas that are none, or that cannot be judged at each step."""
+    result = {}
+    for formula in ("truth.nothing > 1", "always(truth.position_m < 1)", "truth.position_m >", "truth.position_m < 3 N"):
+        page.evaluate("delete document.documentElement.dataset.found")
+        page.fill("#where", formula)
+        page.keyboard.press("Enter")
+        wait(page, "document.documentElement.dataset.found !== undefined")
+        result[formula] = [page.evaluate("document.documentElement.dataset.found"), page.inner_text("#where-says")]
+    return result
+
+
+def refused(desk):
+    """The same in an object of their own."""
+    page = opened(desk)
+    result = {"refused": refusals(page)}
+    desk.close(page)
+    return result
+
+
+def growing(desk):
+    """In a session: the intervals of a formula up to now, after some more steps, and formulas that are refused."""
+    page = desk.open()
+    panel_page.attached(page)
+    state(page, "paused")
+    page.select_option("#window", label="whole run")
+    page.keyboard.press("w")
+    page.keyboard.type("truth.velocity_mps > 0")
+    page.keyboard.press("Enter")
+
+    def found(least):
+        wait(page, "(least) => { const { judged, newest } = document.documentElement.dataset; return newest >= least && Number(judged) === Number(newest) + 1; }", least)
+        page.wait_for_timeout(200)
+        return {"says": page.inner_text("#where-says"), "list": page.evaluate(LISTED), "judged": page.evaluate("document.documentElement.dataset.judged"), "marked": page.evaluate(MARKED)}
+
+    result = {"held": found(2498)}
+    page.locator("#intervals button").last.focus()
+    page.evaluate("window.focusedBefore = document.activeElement")
+    panel_page.go()
+    result["grown"] = found(3498)
+    result["focused"] = page.evaluate("window.focusedBefore === document.activeElement")
+    if len(sys.argv) > 4:
+        page.screenshot(path=f"{sys.argv[4]}/growing.png")
+    result["refused"] = refusals(page)
+    desk.close(page)
+    return result
+
+
 def where(desk):
     """The intervals of a formula, by keys, and a formula that is none."""
     page = opened(desk)
@@ -281,28 +341,14 @@ def where(desk):
     page.keyboard.type("abs(tracking_error_m) > 2e-3 and truth.position_m < 0.011")
     page.keyboard.press("Enter")
     wait(page, "document.documentElement.dataset.found !== undefined")
-    result = {"says": page.inner_text("#where-says"), "list": page.evaluate("[...document.querySelectorAll('#intervals button')].map((one) => one.textContent)")}
+    result = {"says": page.inner_text("#where-says"), "list": page.evaluate(LISTED)}
     page.wait_for_timeout(100)
-    result["marked"] = page.evaluate("""() => [...document.querySelectorAll('figure.plot')].filter((one) => one.querySelector('canvas') && one.getBoundingClientRect().top < innerHeight).map((figure) => {
-      const canvas = figure.querySelector('canvas'), { left, top, width, height } = figure.panelPlot.plot.bbox;
-      const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
-      copy.drawImage(canvas, 0, 0);
-      const row = copy.getImageData(left, top + height - 3, width, 1).data, ink = getComputedStyle(document.documentElement).getPropertyValue('--found').trim();
-      const colour = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
-      let marked = 0;
-      for (let at = 0; at < row.length; at += 4) if (colour.every((part, nth) => Math.abs(part - row[at + nth]) < 12)) marked++;
-      return marked / width;
-    })""")
+    result["marked"] = page.evaluate(MARKED)
     if len(sys.argv) > 4:
         page.screenshot(path=f"{sys.argv[4]}/where.png")
     page.locator("#intervals button").first.click()
     result["range"] = page.evaluate(RANGE)
-    for formula in ("truth.nothing > 1", "always(truth.position_m < 1)", "truth.position_m >", "truth.position_m < 3 N"):
-        page.evaluate("delete document.documentElement.dataset.found")
-        page.fill("#where", formula)
-        page.keyboard.press("Enter")
-        wait(page, "document.documentElement.dataset.found !== undefined")
-        result[formula] = [page.evaluate("document.documentElement.dataset.found"), page.inner_text("#where-says")]
+    result.update(refusals(page))
     desk.close(page)
     return result
 
@@ -332,6 +378,43 @@ def ghost(desk):
     result["text"] = page.text_content("#copied")
     if len(sys.argv) > 4:
         page.screenshot(path=f"{sys.argv[4]}/ghost.png")
+    desk.close(page)
+    return result
+
+
+# Pixels of the first plot in the colour of its first curve, as faint as a band is.
+FAINT = """() => { const figure = document.querySelector('figure.plot'), canvas = figure.querySelector('canvas');
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
+  const colours = [...figure.querySelectorAll('.legend line')].map((line) => getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number));
+  return colours.map((colour) => {
+    let count = 0;
+    for (let at = 0; at < data.length; at += 4) if (data[at + 3] > 30 && data[at + 3] < 55 && colour.every((part, nth) => Math.abs(part - data[at + nth]) < 12)) count++;
+    return count;
+  }); }"""
+
+
+def banded(desk):
+    """The band of a baseline behind the curves of a run or of a session that is held, and what a cursor reads of it."""
+    page = desk.open()
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+    page.wait_for_selector("figure.plot canvas")
+    page.wait_for_selector("#band:not([hidden])")
+    result = {"label": page.inner_text("#band"), "over": page.is_visible("#over")}
+    if "range" not in result["label"]:
+        wait(page, "document.documentElement.dataset.ghost !== undefined")
+    page.keyboard.press("a")
+    page.fill("#cursor-a", "0.6")
+    page.keyboard.press("Enter")
+    measured(page, 600, 600)
+    wait(page, "/outside at A/.test(document.getElementById('figures-head').textContent)")
+    page.wait_for_timeout(300)
+    result["ink"] = page.evaluate(FAINT)
+    page.click("#copy-figures")
+    result["text"] = page.text_content("#copied")
+    if len(sys.argv) > 4:
+        page.screenshot(path=f"{sys.argv[4]}/banded.png")
     desk.close(page)
     return result
 
@@ -391,6 +474,44 @@ def fold(desk):
     return result
 
 
+# Places of what may move in each plot, from its upper edge, with width and height.
+PLACES = """() => [...document.querySelectorAll('figure.plot')].map((figure) => {
+  const { top } = figure.getBoundingClientRect();
+  return [figure.querySelector('.canvas'), ...figure.querySelectorAll('.legend button')].map((one) => {
+    const box = one.getBoundingClientRect();
+    return [box.top - top, box.width, box.height].map(Math.round).join(' ');
+  }).join(', ');
+})"""
+
+
+def still(desk):
+    """Headings and legends while a run goes on, the pointer moves and the window changes: how many places each had."""
+    result = {}
+    for width in (1280, 700, 390):
+        page = desk.open(viewport={"width": width, "height": 800})
+        panel_page.attached(page)
+        state(page, "paused")
+        inked(page)
+        places, values = set(), set()
+        for window in ("0.05", "0.5", "5"):
+            page.select_option("#window", value=window)
+            for _ in range(4):
+                before = page.evaluate("document.documentElement.dataset.newest")
+                page.click("#steps")
+                wait(page, "(before) => document.documentElement.dataset.newest !== before", before)
+                box = over(page)
+                for part in (0.1, 0.12, 0.5, 0.9):
+                    page.mouse.move(box["x"] + box["width"] * part, box["y"] + 60)
+                    page.wait_for_timeout(60)
+                    places.add(tuple(page.evaluate(PLACES)))
+                    values.update(page.evaluate("[...document.querySelectorAll('.legend .value')].map((one) => one.textContent)"))
+        result[str(width)] = {"places": [list(one) for one in places], "values": sorted(values), "notes": page.evaluate("[...document.querySelectorAll('.canvas > .hint')].map((one) => one.textContent)"), "overflow": page.evaluate(OVERFLOW)}
+        if len(sys.argv) > 4:
+            page.screenshot(path=f"{sys.argv[4]}/still-{width}.png")
+        desk.close(page)
+    return result
+
+
 AXE = """async () => {
   const { violations } = await axe.run(document, { preload: false, runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa', 'best-practice'] });
   return violations.flatMap((rule) => rule.nodes.map((node) => `${rule.id} ${node.target}: ${node.failureSummary}`));
@@ -431,7 +552,7 @@ def accessible(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, ghost, branch, fold, accessible)}
+PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, fold, still, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

@@ -4,6 +4,7 @@
 //! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. All other clients use a bare socket.
 
 mod accessible;
+mod bands;
 mod branches;
 pub(crate) mod browser;
 mod closer;
@@ -11,6 +12,7 @@ mod intruders;
 mod log;
 mod page;
 mod recorded;
+mod searches;
 mod stream;
 
 use std::ffi::OsStr;

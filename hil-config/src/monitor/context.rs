@@ -88,6 +88,22 @@ impl<'a> FormulaContext<'a> {
         }
     }
 
+    /// Returns the number of steps before a step on which a windowed operator depends there, given that of its operand;
+    /// `None` for all of them. A window of the future moves no operand back.
+    pub(super) fn with_window(
+        &self,
+        operand: Option<u64>,
+        window: &Window,
+        is_past: bool,
+    ) -> Option<u64> {
+        if !is_past {
+            return operand;
+        }
+        let (_, end_s) = window.bounds_s?;
+        let last = self.rate.step_at_or_before(end_s)?;
+        Some(operand?.saturating_add(last.0))
+    }
+
     /// Explains that a window extends beyond the steps at which its operands can be evaluated.
     pub(super) fn beyond_the_run(&self, until: u64) -> String {
         let Self { rate, steps, .. } = self;

@@ -7,7 +7,7 @@ use shared_types::time::Step;
 use super::build::Built;
 use super::{FormulaContext, Monitors};
 use crate::expression::ExpressionError;
-use crate::formula::Formula;
+use crate::formula::{Formula, Node};
 
 /// Formula evaluated at every step at which it can be judged.
 #[derive(Clone, Debug)]
@@ -17,6 +17,8 @@ pub struct EveryStep {
     delay: u64,
     /// Last step at which the formula can be judged.
     until: u64,
+    /// Rows before a step on which the formula depends there at most; `None` for all of them.
+    past: Option<u64>,
 }
 
 impl EveryStep {
@@ -32,8 +34,21 @@ impl EveryStep {
         Ok(Self {
             delay: whole.delay,
             until: whole.until,
+            past: past(formula, context),
             monitors: Monitors::of(built),
         })
+    }
+
+    /// Returns the number of rows between a step and the row that decides the formula there.
+    #[must_use]
+    pub const fn delay(&self) -> u64 {
+        self.delay
+    }
+
+    /// Returns the largest number of rows before a step on which the formula depends there; `None` for all of them.
+    #[must_use]
+    pub const fn past(&self) -> Option<u64> {
+        self.past
     }
 
     /// Processes the row of a step; returns the step that this row decides, and `true` if the formula holds there.
@@ -50,4 +65,33 @@ impl EveryStep {
         let whole = self.monitors.judgements[0].whole;
         Some((Step(decided), self.monitors.margins[whole].holds()))
     }
+}
+
+/// Returns the largest number of rows before a step on which a formula depends there; `None` for all of them.
+fn past(formula: &Formula, context: &FormulaContext<'_>) -> Option<u64> {
+    let nodes = formula.nodes();
+    let mut all: Vec<Option<u64>> = Vec::with_capacity(nodes.len());
+    for node in nodes {
+        let either = |a: usize, b: usize| Some(all[a]?.max(all[b]?));
+        let back = match node {
+            Node::Comparison(_) => Some(0),
+            Node::Not(operand) => all[*operand],
+            Node::And(a, b) | Node::Or(a, b) | Node::Implies(a, b) => either(*a, *b),
+            Node::Edge { operand, .. } => all[*operand].map(|back| back + 1),
+            Node::Over {
+                is_past,
+                window,
+                operand,
+                ..
+            } => context.with_window(all[*operand], window, *is_past),
+            Node::Chain {
+                is_past,
+                window,
+                hold,
+                reach,
+            } => context.with_window(either(*hold, *reach), window, *is_past),
+        };
+        all.push(back);
+    }
+    all.pop().flatten()
 }

@@ -149,6 +149,48 @@ fn a_formula_is_evaluated_at_every_step_as_defined() {
 }
 
 #[test]
+fn rows_from_a_step_on_decide_a_formula_that_looks_back_no_further() {
+    let mut draws = Draws(2031);
+    let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));
+    let (mut judged, mut back, mut unbounded) = (0, 0, 0);
+    while judged < 5_000 {
+        let depth = 1 + draws.below(4);
+        let tree = Tree::random(&mut draws, depth, false);
+        let trace = random_trace(&mut draws);
+        let (text, end) = (tree.text(), trace.end());
+        if end == 0 {
+            continue;
+        }
+        let first = 1 + draws.below(end);
+        let formula = Formula::parse(&text).expect(&text);
+        let context = FormulaContext::new(&columns, &[], rate, end - first);
+        // Too long for what is left of the run.
+        let Ok(mut every_step) = EveryStep::new(&formula, &context) else {
+            continue;
+        };
+        let Some(past) = every_step.past() else {
+            unbounded += 1;
+            continue;
+        };
+        let rows = (0..).zip(&trace.rows[first as usize..]);
+        for (row, values) in rows {
+            let Some((Step(step), holds)) = every_step.observe(Step(row), values) else {
+                continue;
+            };
+            if step >= past {
+                let step = first + step;
+                let expected = tree.is_true(step, true, &trace);
+                assert_eq!(holds, expected, "{text} at {step}: {:?}", trace.rows);
+                judged += 1;
+                back += u32::from(past > 0);
+            }
+        }
+    }
+    assert!(back > 500, "{back} of {judged} look back");
+    assert!(unbounded > 50, "{unbounded} look back at all rows");
+}
+
+#[test]
 fn formulas_that_share_comparisons_are_evaluated_as_defined() {
     let mut draws = Draws(2015);
     let (columns, rate) = (columns(), Rate::new(10.0).expect("a rate"));

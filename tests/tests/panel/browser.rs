@@ -70,7 +70,7 @@ impl Play {
     }
 
     /// Waits until the script requests an action, and tells it when the action is done.
-    fn at_go(&mut self, does: impl FnOnce()) {
+    pub(super) fn at_go(&mut self, does: impl FnOnce()) {
         let mut line = String::new();
         self.stdout.read_line(&mut line).expect("text");
         assert_eq!(line, "go\n");

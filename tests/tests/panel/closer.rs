@@ -3,6 +3,7 @@
 use serde_json::{Value, json};
 
 use super::browser::{Play, assert_drawn, begun};
+use super::stream::held;
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, Run, until};
 use crate::support::mcap_reader::Recording;
@@ -427,6 +428,70 @@ fn log_and_answers_are_in_sight_groups_fold_and_legends_stand_still() {
         [&output["folded"], &output["again"], &output["opened"]],
         [&json!(false), &json!(false), &json!(true)]
     );
+    drop(panel);
+    rig.in_session("resume").expect(0);
+    run.finish().expect(0);
+}
+
+#[test]
+fn nothing_moves_under_the_pointer_however_long_values_units_and_notes_become() {
+    let rig = Rig::new();
+    // Long names; values that change their sign, their length and their prefix, and ripple on a large one.
+    let position = "\"truth.position_m\", \"measured.position_m\", \"reference.position_m\"";
+    let signals = [
+        (
+            "grows_from_nothing_to_a_large_value_m",
+            "m",
+            "-1e-9 - truth.position_m * 123.45678",
+            position,
+        ),
+        (
+            "swings_about_zero_with_every_digit_mps",
+            "m/s",
+            "-123.45678 * truth.velocity_mps",
+            "\"truth.velocity_mps\"",
+        ),
+        (
+            "ripples_on_something_large_pa",
+            "Pa",
+            "1e5 + 100 * truth.velocity_mps",
+            "",
+        ),
+    ];
+    let mut text = shipped(SCENARIO);
+    for (name, unit, expression, _) in signals {
+        text += &format!(
+            "\n[[derived]]\nname = \"{name}\"\nunit = \"{unit}\"\nexpression = \"{expression}\"\n"
+        );
+    }
+    for (name, _, _, others) in signals {
+        text += &format!(
+            "\n[[plots]]\ntitle = \"{name} beside others\"\nsignals = [\"{name}\", {others}]\n"
+        );
+    }
+    let scenario = rig.write("long.toml", &text);
+    let run = held(&rig, &scenario, "--pause-at 0.001");
+    let panel = Panel::start(&rig, &[]);
+    let Some(play) = Play::closer("still", &panel.url) else {
+        return;
+    };
+    let output = play.result();
+    for width in ["1280", "700", "390"] {
+        let output = &output[width];
+        let places = output["places"].as_array().expect("places");
+        assert_eq!(places.len(), 1, "{width}: {output}");
+        let values = output["values"].as_array().expect("values");
+        let values = || values.iter().filter_map(Value::as_str);
+        assert!(values().any(|one| one.starts_with('-')), "{output}");
+        assert!(values().any(|one| one.contains(" to ")), "{output}");
+        assert_eq!(output["overflow"], 0, "{width}");
+    }
+    assert!(output["1280"]["notes"].as_array().is_some_and(|notes| {
+        notes.iter().any(|one| {
+            one.as_str()
+                .is_some_and(|one| one.contains("plus the number"))
+        })
+    }));
     drop(panel);
     rig.in_session("resume").expect(0);
     run.finish().expect(0);

@@ -6,8 +6,11 @@
 //! 4. If the digests are equal, so are all signals. Otherwise the signals are compared with the baseline's recording
 //!    sample by sample or, without a recording, figure by figure. Metrics are always compared.
 //!
+//! `band` is what plots show of a baseline.
+//!
 //! `--update` shows the changes and writes them; with `--dry-run` it only shows them.
 
+pub mod band;
 mod changes;
 mod figures;
 mod file;

@@ -7,19 +7,26 @@
 //!    requests to the [`board`].
 //! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
 //!    recorded run.
-//! 5. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
-//! 6. The [`opener`] opens the page, if this machine has a screen.
+//!    Behind the curves may be the [`backdrop`]: another run, or the band of a baseline.
+//! 5. A page that searches for the steps at which a formula holds gets its [`occurrences`]: in a session by a
+//!    [`live_search`] of the [`kept_records`] and of every step that follows.
+//! 6. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
+//! 7. The [`opener`] opens the page, if this machine has a screen.
 //!
 //! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
 //! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
 //! run.
 
 pub(crate) mod archive;
+pub(crate) mod backdrop;
 pub(crate) mod board;
 pub(crate) mod branches;
 pub(crate) mod client;
 pub(crate) mod kept;
+pub(crate) mod kept_records;
+pub(crate) mod live_search;
 pub mod message;
+pub(crate) mod occurrences;
 pub(crate) mod opener;
 pub(crate) mod page;
 pub(crate) mod reading;
@@ -32,12 +39,14 @@ use std::process::{Child, Command, Stdio};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
+use hil_config::plan::Plan;
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
 use hil_facts::arguments::run::LinkKind;
 use hil_facts::session::live;
-use hil_facts::session::observer::Seen;
+use hil_facts::session::observer::{Notice, Seen};
+use hil_recording::reader::Column;
 use hil_session::process::ProcessId;
 use hil_session::session::{self, SessionInfo};
 use hil_verification::arguments::run::RunArguments;
@@ -48,11 +57,14 @@ use shared_types::live::{Request, Response};
 use super::monitor::asking::Asking;
 use super::monitor::keys::input_is_gone;
 use super::monitor::model::Model;
-use super::monitor::watch::Watch;
+use super::monitor::watch::{Audience, Watch};
 use super::monitor::{self, SharedModel, line, prepared};
 use crate::arguments::panel::PanelArguments;
+use crate::plots::columns_of;
+use backdrop::Backdrop;
 use board::{Board, Button};
 use branches::Branches;
+use kept_records::KeptRecords;
 use server::Server;
 
 /// Polling interval for the session and the clients.
@@ -88,7 +100,8 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     if notice.is_err() && arguments.run_of.is_some() && !session.is_there() {
         return Ok(Exit::Pass); // as above; the run reports the reason
     }
-    let plan = notice?.plan()?;
+    let notice = notice?;
+    let plan = notice.plan()?;
     let faults = [&arguments.inject[..], &plan.panel.inject].concat();
     let prepared = prepared::all(&faults, &session, &plan);
     let prepared = prepared.map_err(|error| error.tell(json))?;
@@ -98,17 +111,20 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     });
     let buttons: Vec<Button> = buttons.collect();
 
-    let over = recorded::laid_over(arguments, plan.run.rate.hz())?;
+    let columns = signals(&notice, &plan);
+    let backdrop = Backdrop::open(arguments, plan.run.rate.hz(), &columns)?;
     let run_dir = session.run_dir.clone();
     let window_s = arguments.window.unwrap_or(plan.panel.window_s);
+    let kept = KeptRecords::new(plan.clone());
     let model = Model::new(&session.name, run_dir, plan, &arguments.signal);
     let model = SharedModel(Arc::new(Mutex::new(model)));
-    let watch = Watch::start(session.clone(), model.clone(), None, true);
+    let audience: Box<dyn Audience> = Box::new(kept.clone());
+    let watch = Watch::start(session.clone(), model.clone(), Some(audience), true);
     watch.wait_for_first();
     watch.check()?;
-    show_newest(&session, &model);
+    show_newest(&session, &model, &kept);
     let asking = Asking::start(session.clone(), model.clone());
-    let board = Board::new(session, model.clone(), buttons, window_s, over);
+    let board = Board::new(session, (model.clone(), kept), buttons, window_s, backdrop);
     let branches = Arc::clone(&board.branches);
     let server = Server::start(Arc::new(board))?;
     let url = server.url();
@@ -139,14 +155,26 @@ pub fn panel(arguments: &PanelArguments) -> Result<Exit, Failure> {
     Ok(exit)
 }
 
-/// Gives the model the latest record of a paused run, because the stream delivers none until the run resumes.
-fn show_newest(session: &SessionInfo, model: &SharedModel) {
+/// Returns the signals of a session that is only described yet.
+fn signals(notice: &Notice, plan: &Plan) -> Vec<Column> {
+    let plant = plan.plant_among(&notice.plant.plants);
+    let law = plan.law_among(&notice.controller.laws);
+    let layout = plant
+        .zip(law)
+        .map(|(plant, law)| plan.record_layout(&plant, &law));
+    layout.map_or_else(Vec::new, |layout| columns_of(&layout, &plan.derived))
+}
+
+/// Gives the model and the searches the latest record of a paused run, because the stream delivers none until the run
+/// resumes.
+fn show_newest(session: &SessionInfo, model: &SharedModel, kept: &KeptRecords) {
     let response = hil_session::live::ask(session, &Request::Record, LOOK * 50);
     if let Ok(Response::Record { layout, words }) = response {
         let mut model = model.lock();
         let is_fit = words.len() == layout.words() && model.drawn().next().is_some();
         if is_fit && model.seen().is_none() {
             model.take(Seen::Record(layout.view(&words), &words));
+            kept.keep(&words);
         }
     }
 }

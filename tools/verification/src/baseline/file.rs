@@ -124,7 +124,7 @@ impl BaselineFile {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound && may_be_new => NEW.into(),
             Err(error) => {
-                let hint = "--update creates one, --baselines selects another";
+                let hint = "hil compare RUN --baseline NAME --update creates one, --baselines selects another";
                 return Err(Failure::usage(format!(
                     "cannot read {path_text}: {error}; {hint}"
                 )));
@@ -186,7 +186,7 @@ impl BaselineFile {
             let near = near(name, self.content.baselines.keys().map(String::as_str));
             let path_text = self.path.display();
             Failure::usage(format!(
-                "{path_text} has no baseline `{name}`{near}; create it with --update"
+                "{path_text} has no baseline `{name}`{near}; create it with hil compare RUN --baseline {name} --update"
             ))
         })
     }

@@ -33,7 +33,8 @@ Examples:
   hil panel --inject 'leakage --actuator 1,2 --coefficient 5e-7,1e-7 --speed 10,0.5'
   hil run scenarios/spring-mass.toml --pace 1 --panel
   hil panel runs/demo
-  hil panel runs/new --over runs/old";
+  hil panel runs/new --over runs/old
+  hil panel --baseline severe-leakage-ftsc";
 
 /// Arguments of `hil panel`.
 #[derive(Debug, Args)]
@@ -56,6 +57,12 @@ pub struct PanelArguments {
     /// Draw the curves of this recorded run behind those of the other
     #[arg(long, value_name = "RUN", value_parser = run_path())]
     pub over: Option<PathBuf>,
+    /// Shade the band of this named run behind the curves: its signals within their tolerances
+    #[arg(long, value_name = "NAME", conflicts_with = "over")]
+    pub baseline: Option<String>,
+    /// File of named runs
+    #[arg(long, value_name = "FILE", default_value = "baselines.toml")]
+    pub baselines: PathBuf,
     /// Longest wait for a session to start
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub wait: Option<f64>,

@@ -7,7 +7,6 @@
 //! Changes nothing, and never starts a program.
 
 mod description;
-mod occurrences;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -20,9 +19,9 @@ use serde_json::{Value, json};
 use shared_types::time::{Rate, Step};
 use tungstenite::Message;
 
-use occurrences::Search;
-
+use super::live_search::refusal;
 use super::message::{ClientMessage, MOST_STRETCHES};
+use super::occurrences::Search;
 use super::reading::{Measured, Reading, Sums, widen};
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
@@ -50,6 +49,8 @@ pub(crate) struct Archive {
     spans: SpanReader,
     rows: Mutex<Rows>,
     log: Vec<Happening>,
+    /// Digest of the records.
+    digest: Option<String>,
     /// Search by a formula, or the reason why there is none.
     search: Result<Search, String>,
 }
@@ -104,6 +105,7 @@ impl Archive {
             spans: SpanReader::of(&run.outcome.reader).map_err(Failure::usage)?,
             log: account(&run).map_err(Failure::usage)?,
             even: Grid::even(run.last),
+            digest: run.outcome.recorded.digest,
             rows: Mutex::new(rows),
             rate: run.rate,
             last: run.last,
@@ -117,6 +119,16 @@ impl Archive {
     /// Names the run for a page that lays it over another.
     pub(super) fn label(&self) -> String {
         self.path.display().to_string()
+    }
+
+    /// Returns the digest of the records, unless the recording is an excerpt.
+    pub(super) fn digest(&self) -> Option<&str> {
+        self.digest.as_deref()
+    }
+
+    /// Returns the signals that have values.
+    pub(super) fn columns(&self) -> &[Column] {
+        &self.columns
     }
 
     /// Returns the events of the run.
@@ -245,12 +257,11 @@ impl Archive {
     }
 
     /// Describes the run for a page; `window_s` is the initial width of its time axis if it is not the whole run.
-    pub(super) fn about(&self, window_s: Option<f64>, over: Option<&Self>) -> Value {
+    pub(super) fn about(&self, window_s: Option<f64>) -> Value {
         let mut about = self.about.clone();
         if let Some(window_s) = window_s {
             about["window_s"] = window_s.into();
         }
-        about["over"] = over.map(Self::label).into();
         about
     }
 
@@ -267,9 +278,7 @@ impl Archive {
                 "tell": "where", "number": number, "formula": formula, "intervals": result.intervals,
                 "count": result.count, "steps": result.steps, "judged": result.judged,
             }),
-            Err(error) => {
-                json!({ "tell": "where", "number": number, "formula": formula, "error": error })
-            }
+            Err(error) => refusal(number, formula, &error),
         }
     }
 

@@ -15,12 +15,14 @@ use shared_types::live::{Possible, Request, Response};
 use shared_types::record::RecordLayout;
 use tungstenite::Message;
 
-use super::archive::Archive;
+use super::backdrop::Backdrop;
 use super::branches::{Branches, Trunk};
 use super::kept;
+use super::kept_records::KeptRecords;
 use super::message::{Action, ClientMessage};
 use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
+use crate::monitor::model::Model;
 use crate::monitor::prepared::{self, PreparedFault};
 use crate::plots::signal::own_names;
 
@@ -36,9 +38,11 @@ pub(crate) struct Button {
 pub(crate) struct Board {
     pub(super) session: SessionInfo,
     pub(super) model: SharedModel,
+    /// Newest records, for searches.
+    pub(super) kept: KeptRecords,
     pub(super) buttons: Vec<Button>,
-    /// Recorded run that is laid over this one.
-    over: Option<Archive>,
+    /// What is drawn behind the curves.
+    backdrop: Option<Backdrop>,
     /// Initial width of the time axis in s.
     pub(super) window_s: f64,
     /// Runs that branch from this one.
@@ -53,10 +57,10 @@ pub(crate) struct Board {
 impl Board {
     pub(crate) fn new(
         session: SessionInfo,
-        model: SharedModel,
+        (model, kept): (SharedModel, KeptRecords),
         buttons: Vec<Button>,
         window_s: f64,
-        over: Option<Archive>,
+        backdrop: Option<Backdrop>,
     ) -> Self {
         let recording = session
             .run_dir
@@ -69,8 +73,9 @@ impl Board {
         Self {
             session,
             model,
+            kept,
             buttons,
-            over,
+            backdrop,
             window_s,
             branches,
             possible: OnceLock::new(),
@@ -124,7 +129,7 @@ impl Board {
             Clock::Paced { factor } => Some(factor),
             _ => None,
         };
-        Some(json!({
+        let mut about = json!({
             "tell": "about",
             "session": self.session.name,
             "scenario": plan.name,
@@ -139,18 +144,22 @@ impl Board {
             "plots": plots.collect::<Vec<_>>(),
             "readings": (!readings.is_empty()).then_some(readings),
             "window_s": self.window_s,
-            "over": self.over.as_ref().map(Archive::label),
+            "over": null,
             "buttons": self.buttons.iter().map(|one| json!({"label": one.label, "words": one.fault.words})).collect::<Vec<_>>(),
-        }))
+        });
+        if let Some(backdrop) = &self.backdrop {
+            backdrop.describe(&names(&model), &mut about);
+        }
+        Some(about)
     }
 
     /// Answers a page that looks back or measures; `None` if there is nothing to answer.
     pub(super) fn answer(&self, message: &ClientMessage) -> Option<Message> {
         let model = self.model.lock();
-        if let (true, Some(over)) = (message.is_of_other_run(), &self.over) {
-            let names: Vec<String> = model.drawn().map(|(_, one)| one.name.clone()).collect();
+        if let (true, Some(backdrop)) = (message.is_of_other_run(), &self.backdrop) {
+            let names = names(&model);
             drop(model);
-            return over.answer(message, &names);
+            return backdrop.answer(message, &names);
         }
         kept::answer(&model, message)
     }
@@ -223,4 +232,9 @@ impl Board {
             toml: prepared.toml,
         })
     }
+}
+
+/// Returns the names of the signals in the order in which pages know them.
+fn names(model: &Model) -> Vec<String> {
+    model.drawn().map(|(_, one)| one.name.clone()).collect()
 }

@@ -14,6 +14,7 @@ use shared_types::time::Step;
 use tungstenite::{Error, WebSocket};
 
 use super::board::Board;
+use super::live_search::{LiveSearch, refusal};
 use super::message::{self, Action, ClientMessage, View};
 use super::server::Source;
 use super::wire::{LISTEN, Wire};
@@ -26,6 +27,8 @@ const BYTES_PER_S: f64 = 1e6;
 const UNDER_WAY: u32 = 3;
 /// Interval between updates of the session's state.
 const STATE: Duration = Duration::from_millis(150);
+/// Interval between answers to a search.
+const SEARCH: Duration = Duration::from_millis(200);
 /// Interval between checks for changed values.
 const TUNABLE: Duration = Duration::from_millis(500);
 /// Interval after which an unchanged state is sent again, as a sign of life for the page.
@@ -64,6 +67,9 @@ pub(crate) struct Client<'a> {
     logged: (u32, usize),
     /// Edition of the branches sent last.
     branched: u32,
+    /// Number and formula of a search that waits for the first record.
+    sought: Option<(u32, String)>,
+    search: Option<LiveSearch>,
     work: SyncSender<Errand>,
     answers: Receiver<String>,
 }
@@ -101,6 +107,8 @@ impl<'a> Client<'a> {
             seen: 0,
             logged: (0, 0),
             branched: 0,
+            sought: None,
+            search: None,
             work,
             answers,
         }
@@ -115,10 +123,11 @@ impl<'a> Client<'a> {
         let mut is_described = false;
         let now = Instant::now();
         let (mut state_at, mut points_at) = (now, now);
-        let mut told_at = now;
+        let (mut told_at, mut searched_at) = (now, now);
         let (mut retunings, mut tunable_at) = (None, now);
         loop {
             self.listen()?;
+            self.search()?;
             let now = Instant::now();
             self.wire.tend()?;
             if !self.wire.is_full() {
@@ -147,6 +156,11 @@ impl<'a> Client<'a> {
                         self.wire.say(newest.to_string().into())?;
                         (state, told_at) = (newest, now);
                     }
+                }
+                let search = self.search.as_mut().filter(|_| now >= searched_at);
+                if let Some(news) = search.and_then(LiveSearch::news) {
+                    self.wire.say(news.to_string().into())?;
+                    searched_at = now + SEARCH;
                 }
                 if now >= tunable_at && is_described {
                     let model = self.board.model.lock();
@@ -186,6 +200,27 @@ impl<'a> Client<'a> {
         Ok(size)
     }
 
+    /// Starts the search that the page asked for, and goes on with it.
+    fn search(&mut self) -> Result<(), Error> {
+        let kept = &self.board.kept;
+        if let Some((number, formula)) = &self.sought
+            && let Some(started) = LiveSearch::start(kept, *number, formula)
+        {
+            match started {
+                Ok(search) => self.search = Some(search),
+                Err(error) => {
+                    let refusal = refusal(*number, formula, &error);
+                    self.wire.say(refusal.to_string().into())?;
+                }
+            }
+            self.sought = None;
+        }
+        if let Some(search) = &mut self.search {
+            search.turn(kept);
+        }
+        Ok(())
+    }
+
     /// Handles the page's messages.
     fn listen(&mut self) -> Result<(), Error> {
         for _ in 0..AT_ONCE {
@@ -210,6 +245,12 @@ impl<'a> Client<'a> {
                         let busy = Err("the session has not answered yet".into());
                         self.wire.say(message::answer(number, &busy).into())?;
                     }
+                }
+                // A new formula takes the place of the one before.
+                ClientMessage::Where { number, formula } => {
+                    self.search = None;
+                    self.sought =
+                        Some((number, formula)).filter(|(_, text)| !text.trim().is_empty());
                 }
                 ClientMessage::Branch { step } => self.board.branches.start(Step(step)),
                 other => {

@@ -38,11 +38,6 @@ pub(super) fn answer(model: &Model, message: &ClientMessage) -> Option<Message> 
             let measured = measure(model, signals, span, newest);
             Some(measured.json(*number, false).to_string().into())
         }
-        ClientMessage::Where { number, .. } => {
-            let text = "a running session is not searched; `hil panel RUN` searches its recording";
-            let answer = serde_json::json!({ "tell": "where", "number": number, "error": text });
-            Some(answer.to_string().into())
-        }
         _ => None,
     }
 }

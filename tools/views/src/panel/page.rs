@@ -136,7 +136,7 @@ fn head() -> Markup {
                         input #mark type="text" maxlength="400" placeholder="Note at this step" title="m" autocomplete="off";
                         button type="submit" { "Mark" }
                     }
-                    form #where-form .of-recording hidden {
+                    form #where-form {
                         label.visually-hidden for="where" { "Formula to search for" }
                         input #where type="text" maxlength="4000" placeholder="Where: abs(truth.x_m) > 0.1" title="w" autocomplete="off" spellcheck="false";
                         button type="submit" { "Where" }
@@ -162,11 +162,12 @@ fn head() -> Markup {
                             br;
                             "Cursors: click twice, or " kbd { "a" } " " kbd { "b" } " at the pointer; " kbd { "," } " " kbd { "." } " and " kbd { "<" } " " kbd { ">" } " move them by a step, " kbd { "c" } " clears. "
                             br;
-                            kbd { "Ctrl" } " " kbd { "K" } " finds everything by its name; " kbd { "w" } " searches a recorded run for a formula."
+                            kbd { "Ctrl" } " " kbd { "K" } " finds everything by its name; " kbd { "w" } " searches for the times at which a formula holds."
                         }
                     }
                 }
             }
+            p #band .hint hidden {}
             p #trouble .note role="alert" hidden {}
         }
     }

@@ -18,6 +18,7 @@ use shared_types::time::Step;
 use tungstenite::{Error, WebSocket};
 
 use super::archive::Archive;
+use super::backdrop::Backdrop;
 use super::branches::{Branches, Trunk};
 use super::message::{self, ClientMessage};
 use super::server::{Server, Source};
@@ -43,7 +44,7 @@ pub(super) fn open(arguments: &PanelArguments, run: &Path) -> Result<Exit, Failu
         ));
     }
     let archive = Archive::open(run, &arguments.signal)?;
-    let over = laid_over(arguments, archive.hz())?;
+    let backdrop = Backdrop::open(arguments, archive.hz(), archive.columns())?;
     interruption.check()?;
     let branches = Branches::of(Trunk {
         recording: Some(run.to_owned()),
@@ -51,7 +52,7 @@ pub(super) fn open(arguments: &PanelArguments, run: &Path) -> Result<Exit, Failu
     });
     let server = Server::start(Arc::new(Recorded {
         archive,
-        over,
+        backdrop,
         branches: Arc::clone(&branches),
         window_s: arguments.window,
         is_over: AtomicBool::new(false),
@@ -73,19 +74,6 @@ pub(super) fn open(arguments: &PanelArguments, run: &Path) -> Result<Exit, Failu
     Ok(Exit::Pass)
 }
 
-/// Opens the run that is laid over the other, if there is one.
-///
-/// # Errors
-/// If the run cannot be read, or has another rate.
-pub(super) fn laid_over(arguments: &PanelArguments, hz: f64) -> Result<Option<Archive>, Failure> {
-    let Some(path) = &arguments.over else {
-        return Ok(None);
-    };
-    let over = Archive::open(path, &[])?;
-    over.refuse_rate(hz)?;
-    Ok(Some(over))
-}
-
 /// Waits for Ctrl-C, or until every page has been closed for a while and no branch is alive.
 fn stay(server: &Server, branches: &Branches, interruption: &Interruption) {
     let mut open_at = None;
@@ -104,7 +92,7 @@ fn stay(server: &Server, branches: &Branches, interruption: &Interruption) {
 /// Recorded run with its pages.
 struct Recorded {
     archive: Archive,
-    over: Option<Archive>,
+    backdrop: Option<Backdrop>,
     branches: Arc<Branches>,
     /// Width of the time axis to begin with in s, if it is not the whole run.
     window_s: Option<f64>,
@@ -124,13 +112,16 @@ impl Source for Recorded {
 impl Recorded {
     /// Describes the run to a page, then answers its requests.
     fn converse(&self, mut wire: Wire) -> Result<(), Error> {
-        let about = self.archive.about(self.window_s, self.over.as_ref());
+        let names = self.archive.names();
+        let mut about = self.archive.about(self.window_s);
+        if let Some(backdrop) = &self.backdrop {
+            backdrop.describe(&names, &mut about);
+        }
         wire.say(about.to_string().into())?;
         let mut state_at = Instant::now();
         let mut log = Log::default();
         log.hear(self.archive.log().to_vec());
         let (mut sent, mut branched) = ((0, 0), 0);
-        let names = self.archive.names();
         while !self.is_over.load(Ordering::Acquire) {
             wire.tend()?;
             if !wire.is_full() {
@@ -150,11 +141,13 @@ impl Recorded {
                     if let ClientMessage::Branch { step } = request {
                         self.branches.start(Step(step));
                     }
-                    let archive = match &self.over {
-                        Some(over) if request.is_of_other_run() => over,
-                        _ => &self.archive,
+                    let answer = match &self.backdrop {
+                        Some(backdrop) if request.is_of_other_run() => {
+                            backdrop.answer(&request, &names)
+                        }
+                        _ => self.archive.answer(&request, &names),
                     };
-                    if let Some(answer) = archive.answer(&request, &names) {
+                    if let Some(answer) = answer {
                         wire.say(answer)?;
                     }
                 }

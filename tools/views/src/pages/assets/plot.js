@@ -70,6 +70,39 @@ const courseOf = (u, { least, greatest }, { from, to, slot, begin, end, isApart 
   }
   return stroke;
 };
+// The area between the least and the greatest value of each stretch, wider by a margin on both sides; parts are as those
+// of a curve.
+const areaOf = (u, { least, greatest }, { from, to, slot, begin, end, isLog = false, margin = 0 }) => {
+  const area = new Path2D();
+  const { left, width } = u.bbox;
+  const { min, max } = u.scales.x;
+  const x = (time) => left + ((time - min) * width) / (max - min);
+  const y = heightsOf(u, isLog ? rawLog : raw);
+  let above = [];
+  let below = [];
+  const close = () => {
+    const corners = above.concat(below.reverse());
+    corners.forEach((corner, nth) => (nth ? area.lineTo(...corner) : area.moveTo(...corner)));
+    if (corners.length) area.closePath();
+    above = [];
+    below = [];
+  };
+  for (let nth = from; nth <= to; nth++) {
+    let low = least[slot(nth)] - margin;
+    let high = greatest[slot(nth)] + margin;
+    if (low !== low) {
+      close();
+      continue;
+    }
+    if (isLog) [low, high] = magnitudes(low, high);
+    for (const time of new Set([begin(nth), end(nth)])) {
+      above.push([x(time), y(high)]);
+      below.push([x(time), y(low)]);
+    }
+  }
+  close();
+  return area;
+};
 // The least and the greatest number of stretches, for a logarithmic scale of their sizes; infinite ones do not count.
 const reachOf = ({ least, greatest }, { from, to, slot, isLog = false }, [min, max] = [Infinity, -Infinity]) => {
   for (let nth = from; nth <= to; nth++) {

@@ -64,8 +64,25 @@ const takeFigures = (answer) => {
   readLater();
   root.dataset.measured = `${answer.from} ${answer.to}`;
 };
+// The band of a baseline at a cursor, and by how much a value there is outside of it: above it, or negative below it.
+const middleAt = (row, name, at) => (about.over ? at(others.get(row.signal), name) : bandOf(signals[row.signal]).slice(1));
+const bandAt = (row, name, at) => {
+  const [margin] = bandOf(signals[row.signal]) ?? [];
+  if (margin === undefined) return null;
+  const [low, high] = ends(middleAt(row, name, at));
+  return isNothing(low) ? null : [low - margin, high + margin];
+};
+const outside = (figure, row, name, at) => {
+  if (isNothing(figure) || bandAt(row, name, at) === null) return null;
+  const [margin] = bandOf(signals[row.signal]);
+  const [low, high] = ends(middleAt(row, name, at));
+  const by = (value) => (value - high > margin ? value - high - margin : value - low < -margin ? value - low + margin : 0);
+  const [least, greatest] = ends(figure).map(by);
+  return least === greatest ? least : [least, greatest];
+};
 // Values of the other run, beside those of this one.
 const columnsOfOther = (names, at) => {
+  if (about.band) return names.flatMap((name) => [[`band at ${name}`, (row) => bandAt(row, name, at)], [`outside at ${name}`, (row) => outside(at(row, name), row, name, at)]]);
   if (!about.over) return [];
   const other = (row) => others.get(row.signal);
   const [name] = names;
@@ -90,14 +107,23 @@ const showFigures = () => {
 
 // ---- Times at which a formula holds ----
 
-let occurrences = { intervals: [] };
+// Intervals of the last search, the first of which has the number `base`: those of a session come bit by bit.
+let occurrences = { intervals: [], base: 0 };
 let searching = 0;
+// The formula that a session goes on to search for, also behind a broken connection.
+let sought = "";
 const search = (formula) => {
   byId("where").value = formula;
-  if (!formula.trim()) return listOccurrences({ number: searching, intervals: [], count: 0, formula: "" });
-  write(byId("where-says"), "searching");
-  byId("where-box").hidden = false;
-  ask({ ask: "where", number: ++searching, formula });
+  sought = formula.trim() ? formula : "";
+  searching += 1;
+  if (!sought) listOccurrences({ number: searching, intervals: [], count: 0, formula: "" });
+  if (!sought && about.recorded) return;
+  if (sought) {
+    write(byId("where-says"), "searching");
+    byId("where-says").dataset.tone = "";
+    byId("where-box").hidden = false;
+  }
+  ask({ ask: "where", number: searching, formula: sought });
 };
 byId("where-form").addEventListener("submit", (event) => {
   event.preventDefault();
@@ -108,25 +134,69 @@ const lookAtSteps = (first, last) => {
   const middle = ((first + last) / 2) * period();
   axis.go(middle - width / 2, middle + width / 2);
 };
+// From which step on the answer of a session holds, and what it leaves open.
+const basisOf = ({ begin, first, is_past_open, delay, lost, count, intervals, base }) => {
+  if (begin === undefined) return count > intervals.length ? [`the first ${intervals.length} are listed`] : [];
+  const of = (many, word) => `${many} ${word}${many === 1 ? "" : "s"}`;
+  const kept = first === 0 ? "" : begin > first ? `: it looks back to ${first}, the first one kept` : ", the first one kept";
+  return [
+    `from step ${begin}${kept}`,
+    ...(is_past_open && first > 0 ? ["past operators without bounds begin there"] : []),
+    ...(delay ? [`each step is judged ${of(delay, "step")} later`] : []),
+    ...(lost ? [`${of(lost, "step")} not seen, without values`] : []),
+    ...(base ? [`the last ${intervals.length} are listed`] : []),
+  ];
+};
+// What was found before, and what has come.
+const joined = (answer) => {
+  const { from = 0, most = Infinity } = answer;
+  const isNext = from >= occurrences.base && from <= occurrences.base + occurrences.intervals.length;
+  const kept = from && isNext ? occurrences.intervals.slice(0, from - occurrences.base) : [];
+  const all = [...kept, ...(answer.intervals ?? [])];
+  const base = from - kept.length + Math.max(0, all.length - most);
+  return { ...answer, base, intervals: all.slice(-most), since: answer.is_open ? all.at(-1)[0] : null };
+};
+// A row that goes on keeps its place, under a mouse and under the focus.
+const listIntervals = ({ intervals, since }) => {
+  const box = byId("intervals");
+  const time = (step) => seconds(step * period());
+  const isAtEnd = box.scrollTop + box.clientHeight >= box.scrollHeight - 4;
+  const begins = new Map([...box.children].map((row) => [row.begin, row]));
+  const rows = intervals.map(([first, last]) => {
+    let row = begins.get(first);
+    if (!row) {
+      row = Object.assign(make("li"), { begin: first });
+      const button = make("button", "", { type: "button" });
+      button.addEventListener("click", () => lookAtSteps(first, row.end));
+      row.append(button, make("span", "", { class: "hint" }));
+    }
+    if (row.end !== last || row.isOpen !== (first === since)) {
+      Object.assign(row, { end: last, isOpen: first === since });
+      write(row.firstChild, row.isOpen ? `since ${time(first)} s` : first === last ? `${time(first)} s` : `${time(first)} s to ${time(last)} s`);
+      write(row.lastChild, `${last - first + 1} step${last === first ? "" : "s"}`);
+    }
+    return row;
+  });
+  const stay = new Set(rows);
+  for (const row of [...box.children]) if (!stay.has(row)) row.remove();
+  for (const [nth, row] of rows.entries()) if (box.children[nth] !== row) box.insertBefore(row, box.children[nth] ?? null);
+  if (isAtEnd) box.scrollTop = box.scrollHeight;
+};
 const listOccurrences = (answer) => {
   if (answer.number !== searching) return;
-  occurrences = answer.error ? { intervals: [] } : answer;
+  occurrences = joined(answer);
   byId("where-box").hidden = !answer.error && !answer.formula;
-  const time = (step) => seconds(step * period());
   const share = answer.judged ? (100 * answer.steps) / answer.judged : 0;
-  const rest = answer.count > answer.intervals?.length ? `; the first ${answer.intervals.length} are listed` : "";
-  write(byId("where-says"), answer.error ?? (answer.count ? `${answer.count} interval${answer.count === 1 ? "" : "s"}, ${number(share, 3)} % of ${answer.judged} steps${rest}` : `nowhere in ${answer.judged} steps`));
+  const summary = answer.count ? `${answer.count} interval${answer.count === 1 ? "" : "s"}, ${number(share, 3)} % of ${answer.judged} steps` : `nowhere in ${answer.judged} steps`;
+  write(byId("where-says"), answer.error ?? [summary, ...basisOf(occurrences)].join("; "));
   byId("where-says").dataset.tone = answer.error ? "bad" : "";
-  byId("intervals").replaceChildren(...occurrences.intervals.map(([first, last]) => {
-    const row = make("li");
-    const button = make("button", first === last ? `${time(first)} s` : `${time(first)} s to ${time(last)} s`, { type: "button" });
-    button.addEventListener("click", () => lookAtSteps(first, last));
-    row.append(button, make("span", `${last - first + 1} step${last === first ? "" : "s"}`, { class: "hint" }));
-    return row;
-  }));
+  listIntervals(occurrences);
   root.dataset.found = answer.error ? "error" : String(answer.count);
-  for (const plot of plots) plot.plot?.redraw(false, false);
+  root.dataset.judged = String(answer.judged ?? "");
+  drawSoon();
 };
+// The intervals in a part of the run.
+const occurrencesIn = ([from, to]) => occurrences.intervals.filter(([first, last]) => (last + 1) * period() >= from && first * period() <= to);
 
 // ---- Everything by its name ----
 
@@ -183,7 +253,7 @@ const entries = () => {
   add("action", "Clear the cursors", "c", () => cursors.clear());
   if (!byId("branch").disabled) add("action", "Branch from here", "", armBranch);
   add("action", "Light or dark", "", () => byId("theme").click());
-  if (about.recorded) add("action", "Search for a formula", "w", () => focusIn(byId("where")));
+  add("action", "Search for a formula", "w", () => focusIn(byId("where")));
   return list;
 };
 const palette = paletteOf(entries);
@@ -192,7 +262,7 @@ byId("find").addEventListener("click", () => palette.open());
 // ---- Keys ----
 
 const keysOfLooking = (event) => {
-  const keys = { ...keysOfAxis(axis, event), ...keysOfCursors(cursors, () => timeAtHand(plots, span())), w: () => about.recorded && (byId("where").focus(), true) };
+  const keys = { ...keysOfAxis(axis, event), ...keysOfCursors(cursors, () => timeAtHand(plots, span())), w: () => (byId("where").focus(), true) };
   if (!about.recorded) keys.End = () => closer && follow();
   return keys;
 };

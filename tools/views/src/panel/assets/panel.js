@@ -117,6 +117,8 @@ const came = (from) => {
   drawSoon();
 };
 const inView = () => (closer ? lens : view);
+// Where a baseline lets a signal be: its tolerance about the other run or, without one, about a range.
+const bandOf = ({ place }) => about.band?.signals[place] ?? null;
 // The place of a stretch among the numbers of a part.
 const slotOf = ({ base, size }) => (nth) => (nth - base) % size;
 // The stretches in it.
@@ -174,12 +176,12 @@ class Plot {
       const dashes = kind === "wanted" ? WANTED : DASHES;
       return { signal: signals[place], isShown: !hidden.has(spec.title + " " + name), colour: nth % 8, label: spec.words[nth], dash: dashes[counts[kind]++ % dashes.length] };
     });
-    this.unitBox = make("span", unitOf(spec.unit));
+    this.unitBox = make("span", unitOf(spec.unit), { class: "unit" });
     this.noteBox = make("span", "", { class: "hint" });
     // The name that commands understand, unless heading or legend have it.
     const isNamed = spec.title === spec.heading || this.series.some(({ signal }) => signal.name === spec.title);
     const heading = make("span", parted(spec.heading));
-    heading.append(this.unitBox, " ", ...(isNamed ? [] : [make("code", parted(spec.title), { class: "name" }), " "]), this.noteBox);
+    heading.append(" ", this.unitBox, ...(isNamed ? [] : [" ", make("code", parted(spec.title), { class: "name" })]));
     const caption = make("figcaption", heading);
     this.figure = make("figure", caption, { class: "plot", tabindex: 0, "aria-label": "Plot: " + spec.heading });
     const scale = make("button", "Log", { type: "button", class: "scale", "aria-pressed": String(this.isLog), title: "Logarithmic axis of magnitudes", "aria-label": "Log axis: " + spec.heading });
@@ -187,6 +189,7 @@ class Plot {
     this.scaleButton = scale;
     caption.append(scale);
     this.box = make("div", undefined, { class: "canvas" });
+    this.box.append(this.noteBox);
     this.legendBox = make("div", undefined, { class: "legend" });
     this.figure.append(this.box, this.legendBox);
     parent.append(this.figure);
@@ -245,6 +248,7 @@ class Plot {
     const { spec } = this;
     let min = Infinity;
     let max = -Infinity;
+    const near = [];
     const reach = (part, signal, from, to) => {
       const numbers = part.of(signal);
       if (numbers) [min, max] = reachOf(numbers, { from, to, slot: slotOf(part), isLog: this.isLog }, [min, max]);
@@ -252,13 +256,20 @@ class Plot {
     for (const { signal, isShown } of this.series) {
       if (!isShown) continue;
       reach(this.part, signal, from, to);
+      if (!about.over && !about.band) continue;
+      const [before, after] = [min, max];
+      [min, max] = [Infinity, -Infinity];
       if (about.over) reach(ghost, signal, ...stretches(shownSpan, ghost));
+      const [margin, least, greatest] = bandOf(signal) ?? [0];
+      // A range of the whole run is followed as a level is: where it is near.
+      if (!isNothing(least)) near.push(least - margin, greatest + margin);
+      [min, max] = [Math.min(before, this.isLog ? min : min - margin), Math.max(after, max + margin)];
     }
     if (min > max) {
       this.range = this.range || (this.isLog ? [0.1, 1] : [0, 1]);
       return;
     }
-    const levels = levelsOf(spec, shownSpan);
+    const levels = levelsOf(spec, shownSpan).concat(near);
     if (this.isLog) {
       this.range = logRange(min, max, levels);
       return;
@@ -274,16 +285,42 @@ class Plot {
     if (!holds) this.range = [min - room, max + room];
   }
 
-  course(u, part, signal, from, to) {
-    const numbers = part.of(signal);
-    if (!numbers) return new Path2D();
+  // The stretches of a part, for a curve or an area.
+  places(part, from, to) {
     const begin = (nth) => nth * part.length * period();
     const end = (nth) => Math.min((nth + 1) * part.length - 1, part.newest) * period();
-    return courseOf(u, numbers, { from, to, slot: slotOf(part), begin, end, isLog: this.isLog });
+    return { from, to, slot: slotOf(part), begin, end, isLog: this.isLog };
+  }
+
+  course(u, part, signal, from, to) {
+    const numbers = part.of(signal);
+    return numbers ? courseOf(u, numbers, this.places(part, from, to)) : new Path2D();
+  }
+
+  // The band of a baseline, behind the curves, each signal's in the colour of its curve.
+  band(u) {
+    within(u, (ctx, _, ratio) => {
+      ctx.lineWidth = 2 * ratio;
+      const [from, to] = about.over ? stretches(span(), ghost) : [0, 0];
+      for (const { signal, isShown, colour } of this.series) {
+        const [margin, least, greatest] = bandOf(signal) ?? [];
+        const numbers = about.over ? ghost.of(signal) : isNothing(least) ? null : { least: [least], greatest: [greatest] };
+        if (margin === undefined || !isShown || !numbers) continue;
+        const whole = { from, to, slot: () => 0, begin: () => 0, end: () => about.duration_s, isLog: this.isLog };
+        const area = areaOf(u, numbers, { ...(about.over ? this.places(ghost, from, to) : whole), margin });
+        ctx.fillStyle = ctx.strokeStyle = ink.series[colour];
+        ctx.globalAlpha = 0.16;
+        ctx.fill(area);
+        ctx.globalAlpha = 0.35;
+        ctx.stroke(area);
+      }
+      ctx.globalAlpha = 1;
+    });
   }
 
   // The other run, behind the curves.
   ghost(u) {
+    if (about.band) return this.band(u);
     if (!about.over) return;
     within(u, (ctx, _, ratio) => {
       ctx.globalAlpha = 0.75;
@@ -299,14 +336,19 @@ class Plot {
   names(u) {
     within(u, (ctx, { left, top, width, height }, ratio) => {
       ctx.fillStyle = ink.found;
-      for (const [first, last] of occurrences.intervals) {
-        const from = u.valToPos(first * period(), "x", true);
-        const to = u.valToPos((last + 1) * period(), "x", true);
-        if (to < left || from > left + width) continue;
-        const wide = Math.max(Math.min(to, left + width) - Math.max(from, left), 2 * ratio);
-        ctx.fillRect(Math.max(from, left), top + height - 6 * ratio, wide, 6 * ratio);
+      const { min, max } = u.scales.x;
+      const x = (time) => left + ((time - min) * width) / (max - min);
+      // What lies within the width of the mark before is marked.
+      let edge = left;
+      for (const [first, last] of marked) {
+        const from = Math.max(x(first * period()), left);
+        const to = Math.min(Math.max(x((last + 1) * period()), from + 2 * ratio), left + width);
+        if (to <= edge) continue;
+        const begin = Math.max(from, edge);
+        edge = to;
+        ctx.fillRect(begin, top + height - 6 * ratio, to - begin, 6 * ratio);
         ctx.globalAlpha = 0.12;
-        ctx.fillRect(Math.max(from, left), top, wide, height);
+        ctx.fillRect(begin, top, to - begin, height);
         ctx.globalAlpha = 1;
       }
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;
@@ -364,6 +406,8 @@ class Plot {
 let shades = [];
 let notes = [];
 let inSight = [];
+// Intervals in which the formula of a search holds, in sight.
+let marked = [];
 const shade = () => {
   shades = [];
   for (const fault of state.faults) {
@@ -414,6 +458,7 @@ const draw = () => {
   for (let i = 0; i < count; i++) times[i] = (from + i) * length;
   const blank = new Float64Array(count);
   lookAround(shownSpan);
+  marked = occurrencesIn(shownSpan);
   for (const plot of plots) plot.draw(times, blank, shownSpan, from, to, part);
   if (start - readAt > 100) {
     readAt = start;
@@ -452,9 +497,10 @@ const describe = (told) => {
   write(byId("session"), told.recorded ? `${told.session}, ${told.plant}, ${told.clock}` : `session ${told.session}, ${told.plant}, ${told.clock}${pace}`);
   root.dataset.kind = told.recorded ? "recorded" : "session";
   for (const element of document.querySelectorAll(".of-session")) element.hidden = Boolean(told.recorded);
-  for (const element of document.querySelectorAll(".of-recording")) element.hidden = !told.recorded;
-  byId("over").hidden = !told.over;
+  byId("over").hidden = !told.over || Boolean(told.band);
   write(byId("over"), told.over ? `behind the curves: ${told.over}` : "");
+  byId("band").hidden = !told.band;
+  write(byId("band"), told.band?.label ?? "");
   signals = told.signals.map((one, place) => ({ ...one, place, value: null, least: new Float32Array(KEPT).fill(NaN), greatest: new Float32Array(KEPT).fill(NaN) }));
   const choices = [...new Set([...windows.filter((one) => one < told.duration_s && one > 3 * period()), Math.min(told.window_s, told.duration_s), told.duration_s])].sort((a, b) => a - b);
   byId("window").replaceChildren(...choices.map((one) => make("option", one === told.duration_s ? "whole run" : `${seconds(one)} s`, { value: String(one) })));
@@ -493,6 +539,7 @@ const describe = (told) => {
   }
   lens.again();
   ghost.again();
+  if (sought && !told.recorded) search(sought);
   if (closer) readPart();
   showRange();
   cursorsChanged();
