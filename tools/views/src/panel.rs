@@ -8,7 +8,8 @@
 //! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
 //!    recorded run.
 //! 5. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
-//! 6. The [`opener`] opens the page, if this machine has a screen.
+//! 6. A page may have its plots, as arranged, written to the scenario's file by the [`keeper`].
+//! 7. The [`opener`] opens the page, if this machine has a screen.
 //!
 //! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
 //! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
@@ -18,6 +19,7 @@ pub(crate) mod archive;
 pub(crate) mod board;
 pub(crate) mod branches;
 pub(crate) mod client;
+pub(crate) mod keeper;
 pub(crate) mod kept;
 pub mod message;
 pub(crate) mod opener;

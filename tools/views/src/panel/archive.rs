@@ -95,10 +95,10 @@ impl Archive {
         let overviews = [overview];
         crate::report::refuse_unknown(&patterns, &overviews)?;
         let runs = [run];
-        let plots = plots(&runs, &overviews, vec![bounds], &grid, &patterns);
+        let plots = plots(&runs, &overviews, vec![bounds.clone()], &grid, &patterns);
         let ([run], [overview]) = (runs, overviews);
         Ok(Self {
-            about: description::about(&run, &columns, &plots),
+            about: description::about(&run, &columns, &plots, &bounds),
             state: description::state(&run),
             search: Search::of(&run),
             spans: SpanReader::of(&run.outcome.reader).map_err(Failure::usage)?,

@@ -17,11 +17,14 @@ use tungstenite::Message;
 
 use super::archive::Archive;
 use super::branches::{Branches, Trunk};
+use super::keeper::Keeper;
 use super::kept;
 use super::message::{Action, ClientMessage};
 use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::monitor::prepared::{self, PreparedFault};
+use crate::plots::arranged::signal_json;
+use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 
 /// Button that injects a fault.
@@ -43,6 +46,8 @@ pub(crate) struct Board {
     pub(super) window_s: f64,
     /// Runs that branch from this one.
     pub(super) branches: Arc<Branches>,
+    /// Writer of arranged plots.
+    pub(super) keeper: Keeper,
     /// Faults and signals of the session, once it has answered.
     possible: OnceLock<(Possible, RecordLayout)>,
     /// Serialises actions.
@@ -62,8 +67,9 @@ impl Board {
             .run_dir
             .as_ref()
             .map(|folder| folder.join(RECORDING));
+        let recording = recording.filter(|recording| recording.exists());
         let branches = Branches::of(Trunk {
-            recording: recording.filter(|recording| recording.exists()),
+            recording: recording.clone(),
             is_live: true,
         });
         Self {
@@ -73,6 +79,7 @@ impl Board {
             over,
             window_s,
             branches,
+            keeper: Keeper::of(recording),
             possible: OnceLock::new(),
             doing: Mutex::new(()),
             is_over: AtomicBool::new(false),
@@ -107,7 +114,8 @@ impl Board {
         model.drawn().next()?;
         let plan = model.plan();
         let places: Vec<usize> = model.drawn().map(|(place, _)| place).collect();
-        let signals = model.drawn().map(|(_, column)| column);
+        let (bounds, _) = bounds(plan, model.seconds(plan.run.steps));
+        let signals = model.drawn().map(|(_, one)| signal_json(one, &bounds));
         let plots = model.plots().iter().map(|plot| {
             let mut object = json!(plot);
             // Indices among the drawn signals.
@@ -135,7 +143,7 @@ impl Board {
             "rate_hz": model.rate().hz(),
             "steps": plan.run.steps,
             "duration_s": model.seconds(plan.run.steps),
-            "signals": signals.map(|one| json!({"name": one.name, "unit": one.unit})).collect::<Vec<_>>(),
+            "signals": signals.collect::<Vec<_>>(),
             "plots": plots.collect::<Vec<_>>(),
             "readings": (!readings.is_empty()).then_some(readings),
             "window_s": self.window_s,
