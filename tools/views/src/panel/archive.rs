@@ -7,7 +7,6 @@
 //! Changes nothing, and never starts a program.
 
 mod description;
-mod occurrences;
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -20,13 +19,12 @@ use serde_json::{Value, json};
 use shared_types::time::{Rate, Step};
 use tungstenite::Message;
 
-use occurrences::Search;
-
 use super::message::{ClientMessage, MOST_STRETCHES};
 use super::reading::{Measured, Reading, Sums, widen};
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 use crate::report::grid::Grid;
+use crate::report::occurrences::Search;
 use crate::report::plots::plots;
 use crate::report::reading::Signals;
 use crate::report::rows::Rows;

@@ -10,26 +10,26 @@ use hil_facts::results::evaluation::RecordEvaluation;
 use hil_recording::reader::SpanReader;
 use shared_types::time::Step;
 
-use crate::report::run::Run;
+use super::run::Run;
 
 /// Maximum number of intervals in an answer.
 const MOST: usize = 1000;
 
 /// Occurrences of a formula.
 #[derive(Debug, Default)]
-pub(super) struct Occurrences {
+pub(crate) struct Occurrences {
     /// First and last step of each interval, as many as an answer has.
-    pub intervals: Vec<[u64; 2]>,
+    pub(crate) intervals: Vec<[u64; 2]>,
     /// Number of all intervals.
-    pub count: u64,
+    pub(crate) count: u64,
     /// Number of steps at which the formula holds.
-    pub steps: u64,
+    pub(crate) steps: u64,
     /// Number of steps at which it can be judged.
-    pub judged: u64,
+    pub(crate) judged: u64,
 }
 
 /// Search of a run by formulas.
-pub(super) struct Search {
+pub(crate) struct Search {
     plan: Plan,
     /// Signals of a record, with the derived ones behind them.
     columns: Columns,
@@ -42,7 +42,7 @@ impl Search {
     ///
     /// # Errors
     /// If the scenario of the run is invalid, or the recording is an excerpt.
-    pub(super) fn of(run: &Run) -> Result<Self, String> {
+    pub(crate) fn of(run: &Run) -> Result<Self, String> {
         let reader = &run.outcome.reader;
         let recorded = run.recorded_run();
         let recorded =
@@ -66,7 +66,7 @@ impl Search {
     ///
     /// # Errors
     /// If the formula is invalid, or the recording cannot be read any more.
-    pub(super) fn occurrences(
+    pub(crate) fn occurrences(
         &self,
         text: &str,
         spans: &SpanReader,
