@@ -390,6 +390,7 @@ fn parts(
         };
         context.check(reader, root)
     };
+    let further_plots = reader.boolean(root, "further_plots");
     let panel = panel::check(reader, root, columns.as_ref(), &changed);
     let owners = belonging::Owners {
         plant,
@@ -420,6 +421,7 @@ fn parts(
         analyses,
         requirements,
         plots,
+        further_plots: further_plots?,
         panel,
         programs,
         probes: Vec::new(),

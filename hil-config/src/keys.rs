@@ -250,6 +250,8 @@ pub(crate) const SCENARIO: &[Key] = keys! {
     ..VERSION;
     name: TEXT, "Name of the scenario: letters, digits, - and _. Default: the file's name.";
     description: TEXT, "Purpose of the scenario.";
+    further_plots: KeyKind::Boolean { default: true },
+        "Plots of other signals worth one follow those of `plots`; false: they do not. The run does not depend on it.";
     run!: KeyKind::Section(RUN), "Duration, rate and clock.";
     plant!: KeyKind::Section(PLANT), "The plant.";
     controller!: KeyKind::Section(CONTROLLER), "The controller.";

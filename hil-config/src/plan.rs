@@ -89,6 +89,8 @@ pub struct Plan {
     pub requirements: Vec<Requirement>,
     /// First plots of a report.
     pub plots: Vec<Plot>,
+    /// `true` if further plots, which follow from the signals, come behind them.
+    pub further_plots: bool,
     /// Contents of the panel in addition to the plots.
     pub panel: Panel,
     /// Programs named by the scenario.

@@ -123,6 +123,8 @@ fn write(
             "name" => writeln!(text, "name = {}", string(&plan.name))?,
             "description" if plan.description.is_empty() => {}
             "description" => writeln!(text, "description = {}", string(&plan.description))?,
+            "further_plots" if plan.further_plots => {}
+            "further_plots" => writeln!(text, "further_plots = false")?,
             "run" => {
                 run(text, &plan.run)?;
                 realtime(text, &plan.realtime)?;

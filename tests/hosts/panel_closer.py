@@ -446,6 +446,84 @@ def branch(desk):
     return result
 
 
+PLOTS = """() => [...document.querySelectorAll('figure.plot')].map(({ panelPlot: { spec, series } }) => ({ title: spec.heading, section: spec.section, signals: series.map((one) => one.signal.name) })).filter(({ section }) => section !== 'Loop')
+  .map(({ title, signals }) => ({ title, signals }))"""
+
+
+def arrange(desk):
+    """Plots moved, renamed, changed and removed, by keys and by mouse; what the scenario gets of them."""
+    page = opened(desk)
+    page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+
+    def figure(title):
+        return page.locator(f"figure.plot[aria-label='Plot: {title}']")
+
+    def focus():
+        return page.evaluate("document.activeElement.getAttribute('aria-label')")
+
+    result = {"before": page.evaluate(PLOTS), "closed": page.locator(".arrange").count()}
+    page.keyboard.press("e")
+    page.wait_for_selector(".arrange")
+    page.evaluate("document.querySelector('figure.plot').focus()")
+    page.keyboard.press("Alt+ArrowDown")
+    result["moved"], result["focus"], result["says"] = page.evaluate(PLOTS), focus(), page.inner_text("#status")
+    figure("Position, wanted and true").get_by_label("Take reference.position_m away").click()
+    title = figure("Force").get_by_label("Title")
+    title.fill("Force of the actuator")
+    title.press("Enter")
+    figure("Force of the actuator").get_by_label("Add a signal").select_option(label="applied.force_n")
+    result["added"] = focus()
+    result["velocity"] = find(page, "truth.velocity")[0]
+    page.keyboard.press("Enter")
+    figure("truth.velocity_mps").get_by_label("Move down").click()
+    last = page.evaluate(PLOTS)[-1]["title"]
+    result["last"] = last
+    figure(last).focus()
+    page.keyboard.press("Delete")
+    result["removed"] = page.evaluate(PLOTS)
+    page.click("#undo")
+    result["undone"] = page.evaluate(PLOTS)[-1]["title"]
+    figure(last).focus()
+    page.keyboard.press("Delete")
+    result["after"] = page.evaluate(PLOTS)
+    wait(page, "(() => { const { part, series } = document.querySelector('figure.plot').panelPlot; return part && series.every((one) => part.of(one.signal) !== null); })()")
+    result["ink"] = inked(page)
+    page.click("#keep")
+    page.wait_for_selector("html[data-kept=shown]")
+    result["toml"], result["left out"] = page.text_content("#kept-toml"), page.inner_text("#left-out")
+    page.click("#copy-plots")
+    wait(page, "document.getElementById('status').textContent === 'copied the plots'")
+    result["clipboard"] = page.evaluate("navigator.clipboard.readText()")
+    if len(sys.argv) > 4:
+        page.screenshot(path=f"{sys.argv[4]}/arrange.png")
+    page.click("#write-plots")
+    result["armed"] = page.inner_text("#armed")
+    page.keyboard.press("Enter")
+    result["let go"] = [page.is_visible("#armed"), page.inner_text("#status"), page.get_attribute("html", "data-kept")]
+    page.click("#write-plots")
+    page.keyboard.press("y")
+    page.wait_for_selector("html[data-kept=written]")
+    result["written"] = page.inner_text("#kept-says")
+    page.reload()
+    page.wait_for_selector("figure.plot canvas")
+    result["reloaded"] = page.evaluate(PLOTS)
+    # Kept once more: the file is now that of this panel.
+    page.keyboard.press("e")
+    page.evaluate("document.querySelector('figure.plot').focus()")
+    page.keyboard.press("Alt+ArrowDown")
+    result["again"] = page.evaluate(PLOTS)
+    page.click("#keep")
+    page.wait_for_selector("html[data-kept=shown]")
+    page.click("#write-plots")
+    page.keyboard.press("y")
+    page.wait_for_selector("html[data-kept=written]")
+    page.click("#reset")
+    result["reset"] = page.evaluate(PLOTS)
+    result["overflow"] = page.evaluate(OVERFLOW)
+    desk.close(page)
+    return result
+
+
 def fold(desk):
     """The log and each answer in sight without scrolling, groups that fold, legends that stand still under the mouse."""
     page = desk.open(viewport={"width": 1280, "height": 800})
@@ -540,7 +618,7 @@ def accessible(desk):
             page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
             page.locator(".legend button").first.press("Enter")
             page.locator("figure.plot").first.focus()
-            for key in "ab>":
+            for key in "eab>":
                 page.keyboard.press(key)
             page.wait_for_selector("#figures tr")
             look("cursors")
@@ -552,7 +630,7 @@ def accessible(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, fold, still, accessible)}
+PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, arrange, fold, still, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

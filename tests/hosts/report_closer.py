@@ -149,6 +149,52 @@ def palette(desk):
     return result
 
 
+FOUND = """() => [...document.querySelectorAll('figure.plot')].filter((one) => one.querySelector('canvas') && !one.closest('#latency') && one.getBoundingClientRect().top < innerHeight && one.getBoundingClientRect().bottom > 0).map((figure) => {
+  const canvas = figure.querySelector('canvas'), plot = figure.querySelector('.u-over').getBoundingClientRect(), box = canvas.getBoundingClientRect(), ratio = canvas.width / box.width;
+  const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
+  copy.drawImage(canvas, 0, 0);
+  const row = copy.getImageData((plot.left - box.left) * ratio, (plot.bottom - box.top - 3) * ratio, plot.width * ratio, 1).data, ink = getComputedStyle(document.documentElement).getPropertyValue('--found').trim();
+  const colour = [1, 3, 5].map((at) => parseInt(ink.slice(at, at + 2), 16));
+  let marked = 0;
+  for (let at = 0; at < row.length; at += 4) if (colour.every((part, nth) => Math.abs(part - row[at + nth]) < 12)) marked++;
+  return marked / (row.length / 4);
+})"""
+
+
+def where(desk):
+    """Intervals of a formula of the command line: listed, marked, found by name, and zoomed to."""
+    page = opened(desk)
+    result = {"list": page.evaluate("[...document.querySelectorAll('#where button')].map((one) => one.textContent)"), "says": page.inner_text("#where p")}
+    page.wait_for_timeout(100)
+    result["marked"] = page.evaluate(FOUND)
+    page.keyboard.press("Control+k")
+    page.keyboard.type("tracking where")
+    result["entry"] = [page.locator("#found li .name").first.inner_text(), page.locator("#found li .detail").first.inner_text()]
+    page.keyboard.press("Escape")
+    page.locator("#where button").first.click()
+    result["range"] = page.evaluate(RANGE)
+    result["overflow"] = page.evaluate(OVERFLOW)
+    desk.close(page)
+    return result
+
+
+def legend(desk):
+    """Legends under a mouse that moves, with a hidden curve, and bars of several runs."""
+    page = opened(desk)
+    heights, box = set(), over(page)
+    for part in range(1, 40):
+        page.mouse.move(box["x"] + box["width"] * part / 40, box["y"] + 60)
+        page.wait_for_timeout(20)
+        heights.add(tuple(page.evaluate("[...document.querySelectorAll('.legend')].map((one) => one.getBoundingClientRect().height)")))
+    result = {"heights": len(heights), "value": page.locator("figure.plot .legend .value").first.inner_text()}
+    button = page.locator("figure.plot .legend button").first
+    button.click()
+    result["hidden"] = button.evaluate("(one) => { const { opacity, textDecorationLine } = getComputedStyle(one); return [opacity, textDecorationLine, getComputedStyle(one.querySelector('line')).strokeWidth]; }")
+    result["bars"] = page.evaluate("[...document.querySelectorAll('.uses li[data-verdict=pass]')].map((one) => [one.querySelector('button, span[title]').textContent, one.querySelector('.name .hint')?.textContent ?? null, getComputedStyle(one.querySelector('.fill') ?? one).backgroundColor])")
+    desk.close(page)
+    return result
+
+
 def print_(desk):
     """Black on white, without controls."""
     page = opened(desk, color_scheme="dark")
@@ -164,7 +210,7 @@ def print_(desk):
     return result
 
 
-PLAYS = {"zoom": zoom, "cursors": cursors, "palette": palette, "print": print_}
+PLAYS = {"zoom": zoom, "cursors": cursors, "palette": palette, "legend": legend, "where": where, "print": print_}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

@@ -4,6 +4,7 @@
 //! its tests say so and pass, unless `HIL_TEST_CHROMIUM=1` demands it. All other clients use a bare socket.
 
 mod accessible;
+mod arranged;
 mod bands;
 mod branches;
 pub(crate) mod browser;

@@ -5,7 +5,7 @@ use hil_config::problem::ProblemKind::{
 };
 
 use crate::bad::{Case, assert_one_problem};
-use crate::{base_with, only, plan, problems};
+use crate::{BASE, base_with, only, plan, problems};
 
 const SIGNALS: &str = "signals = [\"truth.surface_angle_rad\"]";
 
@@ -45,6 +45,19 @@ fn each_faulty_plot_is_refused_with_its_place_and_the_expected_value() {
     for (from, to, kind, pieces) in CASES {
         assert_one_problem(&base_with(from, to), *kind, pieces);
     }
+}
+
+#[test]
+fn further_plots_follow_unless_the_scenario_does_without() {
+    assert!(plan(BASE).further_plots);
+    let without = |value: &str| format!("further_plots = {value}\n{BASE}");
+    assert!(!plan(&without("false")).further_plots);
+    assert!(plan(&without("true")).further_plots);
+    assert_one_problem(
+        &without("^0"),
+        WrongType,
+        &["`further_plots` is a number", "true or false"],
+    );
 }
 
 #[test]

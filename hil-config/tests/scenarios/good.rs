@@ -37,10 +37,12 @@ fn the_base_has_the_documented_meaning() {
         analyses,
         requirements,
         plots,
+        further_plots,
         panel,
         programs,
         probes,
     } = plan(BASE);
+    assert!(further_plots);
     assert!(analyses.is_empty() && changes.is_empty() && probes.is_empty());
     assert!(sensors.is_empty() && actuators.is_empty() && bus.is_none());
     assert_eq!(programs, Programs::default());

@@ -13,6 +13,7 @@ fn shown(text: &str) -> String {
 fn a_shown_plan_means_the_same() {
     let texts = [
         BASE.to_owned(),
+        format!("further_plots = false\n{BASE}"),
         base_with("\"lockstep\"", "\"paced\""),
         base_with("plant_core = 2\n", "").replace("dma_latency_us = 20\n", ""),
         base_with("law = \"ftsc\"", "law = \"hold\"")

@@ -23,9 +23,10 @@ const CHECK: &str = "<script>addEventListener('load', () => {
       broken.push(...violations.flatMap((rule) => rule.nodes.map((node) => rule.id + ' ' + node.target + ': ' + node.failureSummary)));
     };
     await look();
-    // With cursors and their figures, then with the list of everything over them.
+    // With a hidden curve, with cursors and their figures, then with the list of everything over them.
     const press = (key, options) => document.activeElement.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true, ...options }));
     if (document.getElementById('measure')) {
+      document.querySelector('.legend button').click();
       document.querySelector('figure.plot').focus();
       for (const key of 'ab>') press(key);
       const rows = document.querySelectorAll('#figures tr').length;

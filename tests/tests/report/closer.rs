@@ -186,6 +186,131 @@ fn everything_is_found_by_its_name_without_a_pointer() {
 }
 
 #[test]
+fn a_formula_of_the_command_line_lists_and_marks_the_intervals_in_which_it_holds() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let formula = "abs(tracking_error_m) > 2e-3 and truth.position_m < 0.011";
+    let page = Page::of(
+        &rig,
+        &[&run],
+        &["--where", formula, "--where", "truth.position_m > 1"],
+    );
+    let recording = Recording::open(&run.recording());
+    let truth = recording.column("truth.position_m");
+    let reference = recording.column("reference.position_m");
+    let holds = |step: usize| (truth[step] - reference[step]).abs() > 2e-3 && truth[step] < 0.011;
+    let (mut intervals, mut count): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
+    for step in (0..truth.len()).filter(|step| holds(*step)) {
+        count += 1;
+        match intervals.last_mut() {
+            Some([_, last]) if *last + 1 == step => *last = step,
+            _ => intervals.push([step, step]),
+        }
+    }
+    assert!(!intervals.is_empty());
+    let time = |step: usize| step as f64 / 1000.0;
+    // The second formula holds nowhere.
+    let found = &page.data["where"];
+    assert_eq!(
+        (&found[0]["formula"], &found[1]["runs"]),
+        (&json!(formula), &json!([[]]))
+    );
+    let spans: Vec<[f64; 2]> = intervals
+        .iter()
+        .map(|[a, b]| [time(*a), time(b + 1)])
+        .collect();
+    assert_eq!(found[0]["runs"], json!([spans]));
+    let url = format!("file://{}", page.path.display());
+    let Some(play) = Play::of("report_closer.py", "where", &url) else {
+        return;
+    };
+    let output = play.result();
+    let texts = intervals.iter().map(|[first, last]| match first == last {
+        true => format!("{} s", time(*first)),
+        false => format!("{} s to {} s", time(*first), time(*last)),
+    });
+    assert_eq!(output["list"], json!(texts.collect::<Vec<_>>()));
+    let says = output["says"].as_str().expect("text");
+    assert!(
+        says.ends_with(&format!("% of {} steps", truth.len())),
+        "{says}"
+    );
+    // The row of the first formula is the lowest one.
+    let share = count as f64 / truth.len() as f64;
+    let marked = output["marked"].as_array().expect("plots");
+    assert!(!marked.is_empty());
+    for marked in marked {
+        let marked = marked.as_f64().expect("a share");
+        assert!(
+            (marked - share).abs() < 0.02,
+            "{marked} of {share}: {output}"
+        );
+    }
+    assert_eq!(output["entry"][0], formula);
+    let [from, to] = range(&output["range"]);
+    assert!(
+        from <= spans[0][0] && spans[0][1] <= to && to - from < 5.0,
+        "{output}"
+    );
+    assert_eq!(output["overflow"], 0);
+}
+
+#[test]
+fn a_wrong_formula_of_the_command_line_is_refused_with_the_text_of_the_panel() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let folder = run.folder.to_str().expect("text");
+    for (formula, part) in [
+        ("truth.nothing > 1", "truth.nothing"),
+        ("always(truth.position_m < 1)", "give it bounds"),
+        ("truth.position_m >", "expected"),
+        ("truth.position_m < 3 N", "compared"),
+    ] {
+        let out = rig.path("none.html");
+        let file = out.to_str().expect("text");
+        let refusal = rig
+            .hil(&["report", folder, "-o", file, "--where", formula])
+            .expect(2);
+        refusal.says(&[&format!("--where `{formula}`"), part]);
+        assert!(!out.exists());
+    }
+    let many: Vec<&str> = ["--where", "truth.position_m > 1"].repeat(9);
+    rig.hil(&[&["report", folder], &many[..]].concat())
+        .expect(2)
+        .says(&["9 formulas are too many"]);
+}
+
+#[test]
+fn a_legend_stands_still_under_the_mouse_and_bars_of_several_runs_are_told_apart() {
+    let rig = Rig::new();
+    let light = rig.run(SCENARIO).expect(0);
+    let heavy = rig
+        .run(&format!("{SCENARIO} --set plant.parameters.mass_kg=1.2"))
+        .expect(0);
+    let page = Page::of(&rig, &[&light, &heavy], &[]);
+    let url = format!("file://{}", page.path.display());
+    let Some(play) = Play::of("report_closer.py", "legend", &url) else {
+        return;
+    };
+    let output = play.result();
+    assert_eq!(output["heights"], 1, "{output}");
+    assert_ne!(output["value"], "", "the value under the mouse");
+    assert_eq!(output["hidden"], json!(["1", "line-through", "1px"]));
+    // Both requirements pass in both runs: each bar names its run, and has its colour.
+    let bars = output["bars"].as_array().expect("bars");
+    let runs = |name: &str| -> Vec<(&Value, &Value)> {
+        let of_it = bars.iter().filter(|bar| bar[0] == name);
+        of_it.map(|bar| (&bar[1], &bar[2])).collect()
+    };
+    let settles = runs("settles");
+    let [(a, first), (b, second)] = settles[..] else {
+        panic!("{output}");
+    };
+    assert!(a != b && first != second, "{output}");
+    assert!(a.is_string() && b.is_string(), "{output}");
+}
+
+#[test]
 fn a_print_is_black_on_white_without_controls() {
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);

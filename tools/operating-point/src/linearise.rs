@@ -30,7 +30,8 @@ use crate::question::{Asker, Changed};
 pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
     let interruption = Interruption::listen()?;
     let mut finder = Finder::new(&arguments.binaries, None, &interruption);
-    let (plan, binaries) = finder.read(&arguments.scenario, &arguments.changes, arguments.json)?;
+    let (plan, binaries, _) =
+        finder.read(&arguments.scenario, &arguments.changes, arguments.json)?;
     let sides = match arguments.of {
         Part::Plant => [true, false],
         Part::Law => [false, true],

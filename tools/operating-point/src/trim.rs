@@ -56,7 +56,7 @@ pub fn trim(arguments: &TrimArguments) -> Result<Exit, Failure> {
     let scenario = scenario.ok_or_else(|| {
         Failure::usage("the scenario is missing; hil trim SCENARIO.toml --hold SIGNAL=VALUE")
     })?;
-    let (plan, binaries) = finder.read(scenario, &arguments.changes, arguments.json)?;
+    let (plan, binaries, _) = finder.read(scenario, &arguments.changes, arguments.json)?;
     refuse_unnamed(&plan, &binaries, [true, false], Basis::Numbers)?;
     let plant = plan.whole_plant_among(binaries.described().0);
     let plant = plant.ok_or_else(|| Failure::infrastructure("the plant is missing"))?;

@@ -6,6 +6,7 @@ use std::path::Path;
 use hil_config::plan::Plan;
 use hil_facts::programs::binaries::named::{LOCALS, MODEL_SETTINGS, PERMISSIONS};
 use hil_facts::programs::binaries::{Binaries, seal};
+use hil_facts::programs::scenario::ScenarioFile;
 use hil_facts::results::summary::BY_HAND;
 use hil_facts::results::target::Target;
 use hil_session::session::SessionInfo;
@@ -28,6 +29,9 @@ pub(super) fn of(
     let mut facts = BTreeMap::new();
     let mut fact = |name: &str, value: String| facts.insert(name.to_owned(), value);
     fact("scenario", plan.name.clone());
+    for (name, content) in settings.scenario_file.iter().flat_map(ScenarioFile::facts) {
+        fact(name, content);
+    }
     fact("session", session.name.clone());
     fact("session_id", format!("{:016x}", session.id));
     let evidence = settings.evidence(plan, binaries);

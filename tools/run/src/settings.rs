@@ -10,6 +10,7 @@ use hil_config::plan::{Clock, Plan};
 use hil_console::terminal::exit::Failure;
 use hil_facts::arguments::run::{LinkKind, RunOptions, StartKind};
 use hil_facts::programs::binaries::{Binaries, Binary};
+use hil_facts::programs::scenario::ScenarioFile;
 use hil_facts::results::curve::Grid;
 use hil_session::asking;
 use shared_types::side::Side;
@@ -39,6 +40,8 @@ pub struct Settings {
     pub checkpoints_at_s: Vec<f64>,
     /// Changed values of the scenario, as `KEY=VALUE`.
     pub set: Vec<String>,
+    /// File of the scenario, if the run has one.
+    pub scenario_file: Option<ScenarioFile>,
     /// `true` if several runs share the terminal.
     pub is_one_of_many: bool,
     /// Grid of the recorded curve of a campaign's case.
@@ -164,6 +167,7 @@ impl Settings {
             pause_at_s: options.pause_at,
             checkpoints_at_s,
             set: options.changes.as_set(),
+            scenario_file: None,
             is_one_of_many: false,
             by_hand: ByHand::of(options)?,
             curve: None,
@@ -181,6 +185,7 @@ impl Settings {
             pause_at_s: None,
             checkpoints_at_s: Vec::new(),
             set: Vec::new(),
+            scenario_file: None,
             is_one_of_many: false,
             by_hand: ByHand::default(),
             curve: None,

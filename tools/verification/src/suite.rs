@@ -175,8 +175,10 @@ fn cases(
     let mut finder = Finder::new(&options.binaries, at.as_ref(), interruption);
     for scenario in &arguments.scenarios {
         match finder.read(scenario, &options.changes, options.json) {
-            Ok((plan, binaries)) => {
-                plans.push((plan, Environment::new(settings, binaries, interruption)?))
+            Ok((plan, binaries, file)) => {
+                let mut environment = Environment::new(settings, binaries, interruption)?;
+                environment.settings.scenario_file = Some(file);
+                plans.push((plan, environment));
             }
             Err(Failure::Usage(problem)) => problems.push((scenario, problem)),
             Err(other) => return Err(other),

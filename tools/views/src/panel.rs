@@ -8,10 +8,11 @@
 //! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
 //!    recorded run.
 //!    Behind the curves may be the [`backdrop`]: another run, or the band of a baseline.
-//! 5. A page that searches for the steps at which a formula holds gets its [`occurrences`]: in a session by a
+//! 5. A page that searches for the steps at which a formula holds gets its [`occurrences`](crate::report::occurrences): in a session by a
 //!    [`live_search`] of the [`kept_records`] and of every step that follows.
 //! 6. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
-//! 7. The [`opener`] opens the page, if this machine has a screen.
+//! 7. A page may have its plots, as arranged, written to the scenario's file by the [`keeper`].
+//! 8. The [`opener`] opens the page, if this machine has a screen.
 //!
 //! `hil run --panel` starts the panel as a separate process, so that the panel can neither delay nor end the run. Like
 //! the monitor, it is passive: the digest of the run is the same with and without a panel, unless a page changes the
@@ -22,11 +23,11 @@ pub(crate) mod backdrop;
 pub(crate) mod board;
 pub(crate) mod branches;
 pub(crate) mod client;
+pub(crate) mod keeper;
 pub(crate) mod kept;
 pub(crate) mod kept_records;
 pub(crate) mod live_search;
 pub mod message;
-pub(crate) mod occurrences;
 pub(crate) mod opener;
 pub(crate) mod page;
 pub(crate) mod reading;

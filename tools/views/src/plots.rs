@@ -4,6 +4,7 @@
 //! takes the first plots. The selection depends on scenario, names and units, not on any particular plant. Records are
 //! never read: a view that has read them reports uninformative plots through [`Values`].
 
+pub(crate) mod arranged;
 pub mod bounds;
 pub mod signal;
 pub mod words;
@@ -150,7 +151,8 @@ pub fn descriptions_of(layout: &RecordLayout) -> BTreeMap<String, String> {
     descriptions.collect()
 }
 
-/// Selects the plots: first those of the scenario, then those that decide its verdict, then the rest.
+/// Selects the plots: first those of the scenario, then those that decide its verdict, then the rest. Times and ages of
+/// the loop, which no scenario names, are always the last.
 #[must_use]
 pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
     let mut chooser = Chooser {
@@ -160,15 +162,9 @@ pub fn choose(choice: &Choice<'_>) -> Vec<Plot> {
     };
     chooser.figures();
     chooser.add_matches();
-    chooser.requirements();
-    chooser.tracking();
-    chooser.derived();
-    chooser.together("Commands", chooser.fresh("command"), |one| one.unit);
-    chooser.together("Inputs", chooser.fresh("input"), |one| one.unit);
-    chooser.controller();
-    chooser.together("Plant", chooser.fresh("truth"), Signal::family);
-    chooser.interface();
-    chooser.parameters();
+    if chooser.has_further() {
+        chooser.further();
+    }
     chooser.times();
     for plot in &mut chooser.plots {
         limit(plot, choice.subjects);
@@ -265,6 +261,26 @@ impl<'a> Chooser<'a> {
                 });
             }
         }
+    }
+
+    /// Returns `true` unless all scenarios do without plots besides their own.
+    fn has_further(&self) -> bool {
+        let subjects = self.choice.subjects.iter();
+        let mut plans = subjects.map(|subject| subject.plan);
+        plans.any(|plan| plan.is_none_or(|plan| plan.further_plots))
+    }
+
+    /// Adds plots of the signals that are worth one and have none.
+    fn further(&mut self) {
+        self.requirements();
+        self.tracking();
+        self.derived();
+        self.together("Commands", self.fresh("command"), |one| one.unit);
+        self.together("Inputs", self.fresh("input"), |one| one.unit);
+        self.controller();
+        self.together("Plant", self.fresh("truth"), Signal::family);
+        self.interface();
+        self.parameters();
     }
 
     fn add_matches(&mut self) {

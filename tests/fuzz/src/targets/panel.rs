@@ -91,6 +91,9 @@ fn message(bytes: &[u8]) {
         Ok(ClientMessage::Measure {
             from, to, signals, ..
         }) => assert!(from <= to && to <= 1 << 40 && signals.len() <= 64),
+        Ok(ClientMessage::Keep { plots, .. }) => {
+            assert!(plots.len() <= 200 && plots.iter().all(|one| one.signals.len() <= 64));
+        }
         Ok(ClientMessage::Branch { step }) => assert!(step <= 1 << 40),
         // The words of a fault are the subject of another target.
         Ok(ClientMessage::Do { action, .. }) => {

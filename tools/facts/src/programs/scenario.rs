@@ -1,5 +1,6 @@
 //! Scenario read, checked against its programs and shown complete.
 
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use hil_config::plan::Plan;
@@ -29,6 +30,46 @@ const KEPT: [&str; 7] = [
     "connect",
     "stimuli",
 ];
+
+/// File of a scenario as it was read.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ScenarioFile {
+    /// Absolute path.
+    pub path: PathBuf,
+    /// BLAKE3 hash of its text.
+    pub blake3: String,
+}
+
+impl ScenarioFile {
+    /// Name of the fact that has the path.
+    pub const PATH: &str = "scenario_file";
+    /// Name of the fact that has the hash.
+    pub const BLAKE3: &str = "scenario_file_blake3";
+
+    /// Describes a file with this text.
+    #[must_use]
+    pub fn of(path: &Path, text: &str) -> Self {
+        Self {
+            path: std::path::absolute(path).unwrap_or_else(|_| path.to_owned()),
+            blake3: blake3::hash(text.as_bytes()).to_hex().to_string(),
+        }
+    }
+
+    /// Returns the file that the facts of a recording name; `None` if the run had none, or no name in UTF-8.
+    pub fn recorded<'a>(fact: impl Fn(&str) -> Option<&'a str>) -> Option<Self> {
+        Some(Self {
+            path: fact(Self::PATH)?.into(),
+            blake3: fact(Self::BLAKE3)?.to_owned(),
+        })
+    }
+
+    /// Returns the facts that a recording has of the file.
+    pub fn facts(&self) -> impl Iterator<Item = (&'static str, String)> {
+        let path = self.path.to_str().map(str::to_owned);
+        path.into_iter()
+            .flat_map(|path| [(Self::PATH, path), (Self::BLAKE3, self.blake3.clone())])
+    }
+}
 
 /// Returns a plan as complete, runnable TOML.
 ///
@@ -63,17 +104,17 @@ impl<'a> Finder<'a> {
         }
     }
 
-    /// Reads a scenario, applies the changes and checks it against its programs. With `json` the problems are also
-    /// written to standard output as JSON.
+    /// Reads a scenario, applies the changes and checks it against its programs; also describes its file. With `json`
+    /// the problems are also written to standard output as JSON.
     ///
     /// # Errors
     /// All problems of the scenario or its programs.
     pub fn read(
         &mut self,
-        path: &std::path::Path,
+        path: &Path,
         changes: &Changes,
         json: bool,
-    ) -> Result<(Plan, Arc<Binaries>), Failure> {
+    ) -> Result<(Plan, Arc<Binaries>, ScenarioFile), Failure> {
         changes.check()?;
         let read = || {
             let scenario = Scenario::read(path)?.with_formats(FORMATS);
@@ -81,6 +122,7 @@ impl<'a> Finder<'a> {
         };
         let scenario = self.interruption.at_once(read)?;
         let scenario = scenario.or_else(|problems| refused(&problems, json))?;
+        let file = ScenarioFile::of(path, scenario.text());
         let choices = Choices::of(self.arguments, &Named::by(&scenario), self.at)?;
         let entry = self.found.iter().find(|(entry, _)| *entry == choices);
         let binaries = match entry {
@@ -91,7 +133,7 @@ impl<'a> Finder<'a> {
             self.found.push((choices, Arc::clone(&binaries)));
         }
         let plan = (self.interruption).at_once(|| finish(scenario, &binaries, json))??;
-        Ok((plan, binaries))
+        Ok((plan, binaries, file))
     }
 }
 

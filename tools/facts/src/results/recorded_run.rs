@@ -137,6 +137,7 @@ impl RecordedRun {
             analyses: other.analyses,
             requirements: other.requirements,
             plots: other.plots,
+            further_plots: other.further_plots,
             ..self.plan
         };
         Ok(self)

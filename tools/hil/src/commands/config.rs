@@ -90,6 +90,6 @@ fn checked(arguments: &ScenarioArguments) -> Result<(Plan, Arc<Binaries>, Interr
     let interruption = Interruption::listen()?;
     let (changes, json) = (&arguments.changes, arguments.json);
     let mut finder = Finder::new(&arguments.binaries, None, &interruption);
-    let (plan, binaries) = finder.read(&arguments.scenario, changes, json)?;
+    let (plan, binaries, _) = finder.read(&arguments.scenario, changes, json)?;
     Ok((plan, binaries, interruption))
 }

@@ -6,11 +6,11 @@ use std::sync::{Mutex, PoisonError};
 use std::thread::ScopedJoinHandle;
 use std::time::Duration;
 
+use crate::class::Classes;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
 use hil_facts::results::summary::Metric;
-use crate::class::Classes;
 use hil_run::alone;
 use pyo3::prelude::*;
 use shared_types::record::Outcome;

@@ -27,6 +27,7 @@ Examples:
   hil report runs/demo
   hil report runs/pid runs/nrsc runs/ftsc -o laws.html
   hil report runs/demo --signal 'truth.*_pa' --force
+  hil report runs/demo --where 'abs(tracking_error_rad) > 1e-3'
   hil report runs/common-mode -o campaign.html
   hil report runs/old --scenario scenarios/severe-leakage.toml
   hil report runs/demo --figures paper/figures --width 85mm";
@@ -52,6 +53,9 @@ pub struct ReportArguments {
     /// Additional signal to plot, or a pattern with * and ?; may be given several times
     #[arg(long, value_name = "PATTERN")]
     pub signal: Vec<String>,
+    /// List the intervals in which this formula holds, and mark them in every plot; may be given several times
+    #[arg(long = "where", value_name = "FORMULA", conflicts_with = "figures")]
+    pub formulas: Vec<String>,
     /// Take derived signals, metrics, requirements and plots from this scenario [default: each run's own]
     #[arg(long, value_name = "SCENARIO.toml")]
     pub scenario: Option<PathBuf>,

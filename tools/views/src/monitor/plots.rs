@@ -21,6 +21,8 @@ const MOST: usize = 32;
 /// Signals drawn in one plot.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub(crate) struct Plot {
+    /// Heading of the section in which a report has this plot.
+    pub section: &'static str,
     /// Heading.
     pub title: String,
     /// Heading in words.
@@ -47,6 +49,7 @@ impl Plot {
         let words = Words::of(plot, |name| descriptions.get(name).map(String::as_str));
         let place = |name: &String| columns.iter().position(|one| one.name == *name);
         Self {
+            section: plot.section,
             title: plot.title.clone(),
             heading: words.heading,
             words: words.signals,

@@ -21,11 +21,11 @@ use tungstenite::Message;
 
 use super::live_search::refusal;
 use super::message::{ClientMessage, MOST_STRETCHES};
-use super::occurrences::Search;
 use super::reading::{Measured, Reading, Sums, widen};
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 use crate::report::grid::Grid;
+use crate::report::occurrences::Search;
 use crate::report::plots::plots;
 use crate::report::reading::Signals;
 use crate::report::rows::Rows;
@@ -96,10 +96,10 @@ impl Archive {
         let overviews = [overview];
         crate::report::refuse_unknown(&patterns, &overviews)?;
         let runs = [run];
-        let plots = plots(&runs, &overviews, vec![bounds], &grid, &patterns);
+        let plots = plots(&runs, &overviews, vec![bounds.clone()], &grid, &patterns);
         let ([run], [overview]) = (runs, overviews);
         Ok(Self {
-            about: description::about(&run, &columns, &plots),
+            about: description::about(&run, &columns, &plots, &bounds),
             state: description::state(&run),
             search: Search::of(&run),
             spans: SpanReader::of(&run.outcome.reader).map_err(Failure::usage)?,

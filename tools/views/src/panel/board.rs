@@ -17,6 +17,7 @@ use tungstenite::Message;
 
 use super::backdrop::Backdrop;
 use super::branches::{Branches, Trunk};
+use super::keeper::Keeper;
 use super::kept;
 use super::kept_records::KeptRecords;
 use super::message::{Action, ClientMessage};
@@ -24,6 +25,8 @@ use crate::monitor::SharedModel;
 use crate::monitor::asking::{LIMIT, ask_faults, in_one_line, met};
 use crate::monitor::model::Model;
 use crate::monitor::prepared::{self, PreparedFault};
+use crate::plots::arranged::signal_json;
+use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
 
 /// Button that injects a fault.
@@ -47,6 +50,8 @@ pub(crate) struct Board {
     pub(super) window_s: f64,
     /// Runs that branch from this one.
     pub(super) branches: Arc<Branches>,
+    /// Writer of arranged plots.
+    pub(super) keeper: Keeper,
     /// Faults and signals of the session, once it has answered.
     possible: OnceLock<(Possible, RecordLayout)>,
     /// Serialises actions.
@@ -66,8 +71,9 @@ impl Board {
             .run_dir
             .as_ref()
             .map(|folder| folder.join(RECORDING));
+        let recording = recording.filter(|recording| recording.exists());
         let branches = Branches::of(Trunk {
-            recording: recording.filter(|recording| recording.exists()),
+            recording: recording.clone(),
             is_live: true,
         });
         Self {
@@ -78,6 +84,7 @@ impl Board {
             backdrop,
             window_s,
             branches,
+            keeper: Keeper::of(recording),
             possible: OnceLock::new(),
             doing: Mutex::new(()),
             is_over: AtomicBool::new(false),
@@ -112,7 +119,8 @@ impl Board {
         model.drawn().next()?;
         let plan = model.plan();
         let places: Vec<usize> = model.drawn().map(|(place, _)| place).collect();
-        let signals = model.drawn().map(|(_, column)| column);
+        let (bounds, _) = bounds(plan, model.seconds(plan.run.steps));
+        let signals = model.drawn().map(|(_, one)| signal_json(one, &bounds));
         let plots = model.plots().iter().map(|plot| {
             let mut object = json!(plot);
             // Indices among the drawn signals.
@@ -140,7 +148,7 @@ impl Board {
             "rate_hz": model.rate().hz(),
             "steps": plan.run.steps,
             "duration_s": model.seconds(plan.run.steps),
-            "signals": signals.map(|one| json!({"name": one.name, "unit": one.unit})).collect::<Vec<_>>(),
+            "signals": signals.collect::<Vec<_>>(),
             "plots": plots.collect::<Vec<_>>(),
             "readings": (!readings.is_empty()).then_some(readings),
             "window_s": self.window_s,

@@ -253,6 +253,13 @@ impl<'a> Client<'a> {
                         Some((number, formula)).filter(|(_, text)| !text.trim().is_empty());
                 }
                 ClientMessage::Branch { step } => self.board.branches.start(Step(step)),
+                keep @ ClientMessage::Keep { .. } => {
+                    let about = self.board.about();
+                    let answer = about.and_then(|about| self.board.keeper.answer(&keep, &about));
+                    if let Some(answer) = answer {
+                        self.wire.say(answer.to_string().into())?;
+                    }
+                }
                 other => {
                     if let Some(answer) = self.board.answer(&other) {
                         self.wire.say(answer)?;

@@ -9,8 +9,8 @@ use hil_config::plan::Plan;
 use hil_facts::session::observer::Seen;
 use shared_types::record::RecordLayout;
 
-use super::occurrences::Search;
 use crate::monitor::watch::Audience;
+use crate::report::occurrences::Search;
 
 /// Memory for records in bytes.
 const BYTES: usize = 32 << 20;

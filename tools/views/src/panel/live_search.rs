@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use shared_types::time::Step;
 
 use super::kept_records::KeptRecords;
-use super::occurrences::{MOST, Occurrences};
+use crate::report::occurrences::{MOST, Occurrences};
 
 /// Time limit for the work of a turn.
 const TURN: Duration = Duration::from_millis(4);

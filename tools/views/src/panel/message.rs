@@ -25,6 +25,10 @@ const WINDOWS_S: [f64; 2] = [1e-6, 1e6];
 pub(super) const MOST_STRETCHES: u64 = 2048;
 /// Maximum number of signals in a request of a page.
 const SIGNALS: usize = 64;
+/// Maximum number of plots in a request of a page.
+const MOST_PLOTS: usize = 200;
+/// Maximum length of a plot's title in characters.
+const LONGEST_TITLE: usize = 400;
 /// Last step that a page may name.
 const LAST_STEP: u64 = 1 << 40;
 /// First byte of a message with points.
@@ -96,6 +100,16 @@ pub enum ClientMessage {
         /// Step before which the new run is held.
         step: u64,
     },
+    /// Requests the `[[plots]]` of the plots as arranged.
+    Keep {
+        /// Number, repeated in the answer.
+        number: u32,
+        /// Plots in order.
+        plots: Vec<ArrangedPlot>,
+        /// `true` to write them to the scenario's file.
+        #[serde(default)]
+        write: bool,
+    },
     /// Requests an action on the session.
     Do {
         /// Number, repeated in the answer.
@@ -112,6 +126,33 @@ impl ClientMessage {
             self,
             Self::Read { over: true, .. } | Self::Measure { over: true, .. }
         )
+    }
+}
+
+/// Plot as arranged on a page.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ArrangedPlot {
+    /// Title.
+    pub title: String,
+    /// Title of the plot of the scenario that it was.
+    pub was: Option<String>,
+    /// Indices of the signals.
+    pub signals: Vec<usize>,
+    /// `true` for a logarithmic axis.
+    pub log: bool,
+}
+
+impl ArrangedPlot {
+    /// Returns `true` if the plot has a title in one line, and few enough signals.
+    fn is_valid(&self) -> bool {
+        let is_line = |text: &String| {
+            let length = text.chars().count();
+            (1..=LONGEST_TITLE).contains(&length) && !text.chars().any(char::is_control)
+        };
+        is_line(&self.title)
+            && self.was.iter().all(is_line)
+            && (1..=SIGNALS).contains(&self.signals.len())
     }
 }
 
@@ -194,6 +235,11 @@ pub fn parse(text: &str) -> Result<ClientMessage, String> {
             ref signals,
             ..
         } if !is_span(from, to, signals) => Err("invalid part of the run".into()),
+        ClientMessage::Keep { ref plots, .. }
+            if plots.len() > MOST_PLOTS || !plots.iter().all(ArrangedPlot::is_valid) =>
+        {
+            Err("invalid plots".into())
+        }
         ClientMessage::Branch { step } if step > LAST_STEP => Err("invalid step".into()),
         message => Ok(message),
     }
@@ -314,6 +360,8 @@ mod tests {
             r#"{"ask":"measure","number":3,"from":5,"to":100,"signals":[1]}"#,
             r#"{"ask":"where","number":3,"formula":"abs(truth.x_m) < 1"}"#,
             r#"{"ask":"branch","step":1500}"#,
+            r#"{"ask":"keep","number":4,"plots":[{"title":"x","was":null,"signals":[3],"log":true}]}"#,
+            r#"{"ask":"keep","number":4,"plots":[],"write":true}"#,
             r#"{"ask":"do","number":1,"action":{"kind":"pause"}}"#,
             r#"{"ask":"do","number":2,"action":{"kind":"clear","fault":null}}"#,
             r#"{"ask":"do","number":2,"action":{"kind":"set","change":{"set":[{"key":"plant.parameters.mass_kg","value":1.2}],"ramp_s":0.5}}}"#,
@@ -341,6 +389,10 @@ mod tests {
             r#"{"ask":"measure","number":3,"from":9,"to":8,"signals":[0]}"#,
             r#"{"ask":"where","number":3,"formula":"x < 1","file":"/etc/passwd"}"#,
             r#"{"ask":"branch","step":-1}"#,
+            r#"{"ask":"keep","number":4,"plots":[],"file":"/etc/passwd"}"#,
+            r#"{"ask":"keep","number":4,"plots":[{"title":"","was":null,"signals":[3],"log":true}]}"#,
+            r#"{"ask":"keep","number":4,"plots":[{"title":"a\nb","was":null,"signals":[3],"log":true}]}"#,
+            r#"{"ask":"keep","number":4,"plots":[{"title":"x","was":null,"signals":[],"log":true}]}"#,
             r#"{"ask":"branch","step":2000000000000}"#,
             r#"{"ask":"branch","step":5,"out":"/tmp"}"#,
         ] {

@@ -11,9 +11,10 @@ use crate::pages::{CLOSER, CLOSER_STYLE, LENS, drawer, range_fields};
 use crate::report::page::{UPLOT, UPLOT_STYLE};
 
 /// Parts of the page's own script, in order: they are the body of one function.
-const SCRIPT: [&str; 4] = [
+const SCRIPT: [&str; 5] = [
     include_str!("assets/panel.js"),
     include_str!("assets/closer.js"),
+    include_str!("assets/arrange.js"),
     include_str!("assets/branches.js"),
     include_str!("assets/connection.js"),
 ];
@@ -81,6 +82,7 @@ fn page(nonce: &str) -> String {
                 main {
                     section #plots aria-label="Plots" { p.hint #wait { "Waiting for the session." } }
                     aside #aside aria-label="Session" {
+                        (arrangement())
                         (readings())
                         (requirements())
                         (occurrences())
@@ -147,6 +149,7 @@ fn head() -> Markup {
                         (range_fields())
                         button #follow type="button" title="End" { "Follow" }
                     }
+                    button #arrange type="button" title="e" aria-pressed="false" { "Arrange" }
                     button #find type="button" title="Ctrl-K" { "Find" }
                     a #to-aside href="#aside" { "Values" }
                     button #theme type="button" aria-pressed="false" { "Dark" }
@@ -161,6 +164,8 @@ fn head() -> Markup {
                             kbd { "←" } " " kbd { "→" } " move, " kbd { "+" } " " kbd { "-" } " zoom, " kbd { "Home" } " whole, " kbd { "End" } " follow. "
                             br;
                             "Cursors: click twice, or " kbd { "a" } " " kbd { "b" } " at the pointer; " kbd { "," } " " kbd { "." } " and " kbd { "<" } " " kbd { ">" } " move them by a step, " kbd { "c" } " clears. "
+                            br;
+                            kbd { "e" } " arranges plots: then " kbd { "Alt" } " " kbd { "↑" } " " kbd { "↓" } " move the plot that has the focus, " kbd { "Delete" } " removes it. "
                             br;
                             kbd { "Ctrl" } " " kbd { "K" } " finds everything by its name; " kbd { "w" } " searches for the times at which a formula holds."
                         }
@@ -248,6 +253,29 @@ fn occurrences() -> Markup {
             h2 { "Where" }
             p #where-says {}
             ol #intervals {}
+        }
+    }
+}
+
+fn arrangement() -> Markup {
+    html! {
+        section #arrange-box hidden {
+            h2 { "Arrangement" }
+            div.field { label for="new-plot" { "New plot of" } select #new-plot {} }
+            div.row {
+                button #undo type="button" { "Undo" }
+                button #reset type="button" { "Reset" }
+                button #keep type="button" .strong { "Keep" }
+            }
+            div #kept hidden {
+                p #kept-says {}
+                ul #left-out .hint {}
+                pre tabindex="0" role="region" aria-label="Plots of the scenario" { code #kept-toml {} }
+                div.row {
+                    button #write-plots type="button" { "Write to the scenario" }
+                    button #copy-plots type="button" { "Copy" }
+                }
+            }
         }
     }
 }

@@ -20,6 +20,7 @@ use tungstenite::{Error, WebSocket};
 use super::archive::Archive;
 use super::backdrop::Backdrop;
 use super::branches::{Branches, Trunk};
+use super::keeper::Keeper;
 use super::message::{self, ClientMessage};
 use super::server::{Server, Source};
 use super::wire::{LISTEN, Wire};
@@ -54,6 +55,7 @@ pub(super) fn open(arguments: &PanelArguments, run: &Path) -> Result<Exit, Failu
         archive,
         backdrop,
         branches: Arc::clone(&branches),
+        keeper: Keeper::of(Some(run.to_owned())),
         window_s: arguments.window,
         is_over: AtomicBool::new(false),
     }))?;
@@ -94,6 +96,7 @@ struct Recorded {
     archive: Archive,
     backdrop: Option<Backdrop>,
     branches: Arc<Branches>,
+    keeper: Keeper,
     /// Width of the time axis to begin with in s, if it is not the whole run.
     window_s: Option<f64>,
     is_over: AtomicBool,
@@ -140,6 +143,9 @@ impl Recorded {
                 for request in requests(&mut wire)? {
                     if let ClientMessage::Branch { step } = request {
                         self.branches.start(Step(step));
+                    }
+                    if let Some(answer) = self.keeper.answer(&request, &about) {
+                        wire.say(answer.to_string().into())?;
                     }
                     let answer = match &self.backdrop {
                         Some(backdrop) if request.is_of_other_run() => {

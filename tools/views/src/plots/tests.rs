@@ -134,6 +134,41 @@ fn the_scenario_comes_first_then_what_its_requirements_compare_with_their_levels
     assert_eq!(levels, [(3.0, 1.0, 2.0), (-3.0, 1.0, 2.0)]);
 }
 
+#[test]
+fn a_scenario_may_do_without_further_plots() {
+    let text = include_str!("../../../../scenarios/spring-mass.toml");
+    let signals = [
+        ("truth.position_m", "m"),
+        ("truth.velocity_mps", "m/s"),
+        ("reference.position_m", "m"),
+        ("command.force_n", "N"),
+        ("round_trip_ns", ""),
+    ];
+    let plan = plan_of(&format!("further_plots = false\n{text}"));
+    let own = [
+        (
+            "Figures",
+            "reference.position_m truth.position_m".to_owned(),
+        ),
+        ("Figures", "command.force_n".into()),
+        ("Loop", "round_trip_ns".into()),
+    ];
+    assert_eq!(shown(&signals, Subject::of(&plan)), own);
+    // Another run of the same report may have them.
+    let other = plan_of(text);
+    let plots = choose(&Choice {
+        columns: &columns(&signals),
+        subjects: &[Subject::of(&plan), Subject::of(&other)],
+        patterns: &[],
+        values: None,
+    });
+    assert!(
+        plots
+            .iter()
+            .any(|plot| plot.signals == ["truth.velocity_mps"])
+    );
+}
+
 /// Values of a run in which one sensor is wrong and one parameter changes.
 struct OneFault;
 

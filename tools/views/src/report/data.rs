@@ -11,6 +11,7 @@ use shared_types::record::ControllerFate;
 use shared_types::time::Step;
 
 use super::envelope::{Envelope, Written, runs_of};
+use super::found::{Found, FoundData};
 use super::grid::Grid;
 use super::plots::Plot;
 use super::reading::Signals;
@@ -25,6 +26,9 @@ pub(crate) struct Data {
     end_s: f64,
     runs: Vec<RunData>,
     plots: Vec<Plot>,
+    /// Formulas of the command line.
+    #[serde(rename = "where")]
+    found: Vec<FoundData>,
 }
 
 #[derive(Debug, Serialize)]
@@ -75,7 +79,13 @@ struct HistogramData {
 }
 
 impl Data {
-    pub(crate) fn new(runs: &[Run], signals: &[Signals], grid: &Grid, plots: &[Plot]) -> Self {
+    pub(super) fn new(
+        runs: &[Run],
+        signals: &[Signals],
+        grid: &Grid,
+        plots: &[Plot],
+        found: &[Found],
+    ) -> Self {
         let starts = grid.starts_s();
         let bytes: Vec<u8> = starts
             .iter()
@@ -91,6 +101,7 @@ impl Data {
                 .map(|(run, signals)| RunData::new(run, signals))
                 .collect(),
             plots: plots.to_vec(),
+            found: found.iter().map(|one| one.data(runs)).collect(),
         }
     }
 

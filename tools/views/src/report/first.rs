@@ -114,11 +114,11 @@ pub(super) fn verdicts(runs: &[Run], plots: &[Plot]) -> Markup {
         @for run in runs { @for note in &run.notes { p.note { (run.label) ": " (note) } } }
         @if !uses.is_empty() {
             ul.uses aria-label="Share of its limit that each requirement used" {
-                @for one in bars { (bar(one, has_several)) }
+                @for one in bars { (bar(one, runs)) }
             }
             @if !folded.is_empty() { details.more {
                 summary { (folded.len()) " more" }
-                ul.uses { @for one in folded { (bar(one, has_several)) } }
+                ul.uses { @for one in folded { (bar(one, runs)) } }
             } }
         }
     }
@@ -148,15 +148,22 @@ fn line(number: usize, run: &Run, uses: &[Use<'_>]) -> Markup {
     }
 }
 
-fn bar(one: &Use<'_>, has_several: bool) -> Markup {
+/// Renders the bar of a requirement; of several runs with the colour and the label of its run.
+fn bar(one: &Use<'_>, runs: &[Run]) -> Markup {
+    let run = (runs.len() > 1).then(|| &runs[one.run].label);
     let verdict = one.judged.verdict;
     let width = one.used.map(|used| 100.0 * used.clamp(0.0, FULL) / FULL);
     html! {
         li data-verdict=(verdict) {
             span.sign aria-hidden="true" { (match one.rank() { 0 => "✗", 1 => "?", _ => "✓" }) }
-            span.name { @if has_several { (swatch(one.run)) } span.visually-hidden { (verdict) ": " } (link(one)) }
+            span.name {
+                @if run.is_some() { (swatch(one.run)) }
+                span.visually-hidden { (verdict) ": " }
+                (link(one))
+                @if let Some(label) = run { " " span.hint { (label) } }
+            }
             span.track aria-hidden="true" { @if let Some(width) = width {
-                span.fill style={ "width:" (format!("{width:.1}")) "%" } {}
+                span.fill data-run=(one.run) style={ "width:" (format!("{width:.1}")) "%" } {}
                 span.limit {}
             } }
             span.share { (one.describe()) }

@@ -5,9 +5,10 @@ use maud::{Markup, html};
 use shared_types::number::unit_shown;
 
 use super::data::Data;
+use super::found::Found;
 use super::plots::Plot;
 use super::run::{Run, Span, distinct};
-use super::{first, tables};
+use super::{first, found, tables};
 use crate::offline_page::{OfflinePage, PAGE};
 use crate::pages::{CLOSER, CLOSER_STYLE, drawer, range_fields};
 
@@ -16,9 +17,10 @@ pub(crate) const UPLOT_STYLE: &str = include_str!("assets/uplot/uPlot.min.css");
 const SCRIPT: &str = include_str!("assets/report.js");
 
 /// Renders the whole page: the answer first, latency last unless a run asked for timing.
-pub(crate) fn page(
+pub(super) fn page(
     runs: &[Run],
     plots: &[Plot],
+    found: &[Found],
     figures: &Markup,
     data: &Data,
 ) -> Result<String, Failure> {
@@ -43,13 +45,14 @@ pub(crate) fn page(
             h1 { (title) }
             p { (description(runs)) }
         }
-        (toolbar(runs))
+        (toolbar(runs, !found.is_empty()))
         main {
             section #first aria-label="Verdict" {
                 (first::verdicts(runs, plots))
                 div.plots #deciding { @for place in &deciding { (figure(*place, &plots[*place])) } }
             }
             section #requirements { h2 { "Requirements" } (tables::requirements(runs)) }
+            (found::section(found, runs))
             section #metrics { h2 { "Metrics" } (tables::metrics(runs)) }
             section #faults { h2 { "Faults and controllers" } (tables::events(runs)) }
             section #plots {
@@ -91,11 +94,12 @@ fn description(runs: &[Run]) -> String {
     distinct(texts.filter(|text| !text.is_empty()), |a, b| a == b).join("; ")
 }
 
-fn toolbar(runs: &[Run]) -> Markup {
+fn toolbar(runs: &[Run], has_formulas: bool) -> Markup {
     html! {
         nav.bar aria-label="Controls" {
             a href="#first" { "Verdict" }
             a href="#requirements" { "Requirements" }
+            @if has_formulas { a href="#where" { "Where" } }
             a href="#metrics" { "Metrics" }
             a href="#plots" { "Plots" }
             a href="#runs" { "Runs" }

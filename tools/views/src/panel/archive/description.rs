@@ -8,6 +8,8 @@ use hil_recording::reader::{Column, folder_of};
 use serde_json::{Value, json};
 use shared_types::time::{Rate, Step};
 
+use crate::plots::arranged::signal_json;
+use crate::plots::bounds::Bound;
 use crate::report::plots::Plot;
 use crate::report::run::Run;
 
@@ -15,7 +17,7 @@ use crate::report::run::Run;
 const CHECKPOINTS: usize = 200;
 
 /// Describes scenario, signals and plots.
-pub(super) fn about(run: &Run, columns: &[Column], plots: &[Plot]) -> Value {
+pub(super) fn about(run: &Run, columns: &[Column], plots: &[Plot], bounds: &[Bound]) -> Value {
     let plan = run.plan();
     let place = |name: &String| columns.iter().position(|one| one.name == *name);
     let plots = plots.iter().map(|plot| {
@@ -32,8 +34,7 @@ pub(super) fn about(run: &Run, columns: &[Column], plots: &[Plot]) -> Value {
             "limits": chosen.limits,
         })
     });
-    let signals = columns.iter();
-    let signals = signals.map(|one| json!({ "name": one.name, "unit": one.unit }));
+    let signals = columns.iter().map(|one| signal_json(one, bounds));
     let end_s = run.end_s();
     json!({
         "tell": "about",

@@ -200,13 +200,6 @@ const occurrencesIn = ([from, to]) => occurrences.intervals.filter(([first, last
 
 // ---- Everything by its name ----
 
-const plotSignal = (place) => {
-  const { name, unit } = signals[place];
-  const spec = () => ({ title: name, heading: name, unit, words: [name], signals: [place], log: false, lines: [], limits: [] });
-  added.push(spec);
-  goTo(addPlot(spec(), true));
-  readPart();
-};
 const goTo = (plot) => {
   plot.figure.scrollIntoView({ block: "center" });
   plot.figure.focus({ preventScroll: true });
@@ -252,6 +245,7 @@ const entries = () => {
   if (!about.recorded) add("action", "Follow the newest records", "End", () => follow());
   add("action", "Clear the cursors", "c", () => cursors.clear());
   if (!byId("branch").disabled) add("action", "Branch from here", "", armBranch);
+  add("action", "Arrange the plots", "e", () => byId("arrange").click());
   add("action", "Light or dark", "", () => byId("theme").click());
   add("action", "Search for a formula", "w", () => focusIn(byId("where")));
   return list;
@@ -262,7 +256,7 @@ byId("find").addEventListener("click", () => palette.open());
 // ---- Keys ----
 
 const keysOfLooking = (event) => {
-  const keys = { ...keysOfAxis(axis, event), ...keysOfCursors(cursors, () => timeAtHand(plots, span())), w: () => (byId("where").focus(), true) };
+  const keys = { ...keysOfAxis(axis, event), ...keysOfCursors(cursors, () => timeAtHand(plots, span())), w: () => (byId("where").focus(), true), e: () => (toggleArranging(), true) };
   if (!about.recorded) keys.End = () => closer && follow();
   return keys;
 };

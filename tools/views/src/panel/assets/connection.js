@@ -64,6 +64,7 @@ const heard = (data) => {
   else if (told.tell === "measured") takeFigures(told);
   else if (told.tell === "where") listOccurrences(told);
   else if (told.tell === "branches") listBranches(told);
+  else if (told.tell === "kept") listKept(told);
   else if (told.tell === "unreadable") trouble(told.text, false);
   else if (told.tell === "over") {
     isOver = true;

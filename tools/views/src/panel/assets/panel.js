@@ -1,6 +1,6 @@
 // The panel of a session or of a recorded run. Points of a session come as the least and the greatest value of equal
 // stretches of time and are kept for one window; everything else comes as JSON. Texts of a run are only ever set as
-// text. This file, `closer.js`, `branches.js` and `connection.js` are the parts of one function.
+// text. This file, `closer.js`, `arrange.js`, `branches.js` and `connection.js` are the parts of one function.
 const secret = location.hash.slice(1);
 
 // A name that may break behind its parts.
@@ -516,7 +516,7 @@ const describe = (told) => {
     sized.unobserve(figure);
   }
   byId("plots").replaceChildren();
-  for (const spec of told.plots) addPlot(spec);
+  for (const spec of arrangedOf(told)) addPlot(spec);
   const first = told.readings ?? [...new Set(told.plots.flatMap((plot) => plot.signals))].slice(0, 8);
   readings = first.map((place) => ({ signal: signals[place], box: make("dd", "") }));
   byId("readings").replaceChildren(...readings.map(({ signal, box }) => {
@@ -544,15 +544,13 @@ const describe = (told) => {
   showRange();
   cursorsChanged();
   for (const text of told.notes ?? []) say(text, "bad");
-  for (const extra of added) addPlot(extra(), true);
+  showArrangement();
   showBranch();
 };
-// Plots that a reader of a recorded run added by hand, made anew for each description.
-const added = [];
-const addPlot = (spec, isFirst = false) => {
+const addPlot = (spec, at = plots.length) => {
   const plot = new Plot(spec, byId("plots"));
-  if (isFirst) byId("plots").prepend(plot.figure);
-  plots.push(plot);
+  byId("plots").insertBefore(plot.figure, plots[at]?.figure ?? null);
+  plots.splice(at, 0, plot);
   plot.figure.panelPlot = plot;
   seen.observe(plot.figure);
   sized.observe(plot.figure);

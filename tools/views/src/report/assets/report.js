@@ -177,7 +177,7 @@
         series: seriesOf(this.series, () => ink, (u, one, place, from, to) => this.course(u, one, from, to, this.raised(place))),
         hooks: {
           drawClear: [(u) => drawEvents(u, events, ink), (u) => this.names(u)],
-          draw: [(u) => this.judge(u), (u) => cursors.draw(u, ink)],
+          draw: [(u) => this.where(u), (u) => this.judge(u), (u) => cursors.draw(u, ink)],
           setCursor: [() => this.read()],
           setScale: [(u, key) => key === "y" && this.tell()],
         },
@@ -309,6 +309,28 @@
       const seen = events.filter((one) => at(one) <= right && u.valToPos(one.until_s ?? whole[1], "x", true) >= bbox.left);
       for (const { label, left, row } of placeNames(ctx, seen, [bbox.left, u.ctx.canvas.width - 2 * ratio], namedRows, at)) ctx.fillText(label, left, bbox.top - (2 + 13 * row) * ratio);
       ctx.restore();
+    }
+
+    // Where the formulas of the command line hold, along the lower edge: a row for each, in each run.
+    where(u) {
+      const rows = data.where.flatMap(({ runs }) => runs.map((intervals, run) => ({ intervals, run })));
+      within(u, (ctx, { left, top, width, height }, ratio) => {
+        const { min, max } = u.scales.x;
+        const x = (time) => left + ((time - min) * width) / (max - min);
+        const high = Math.min(6, 60 / rows.length) * ratio;
+        rows.forEach(({ intervals, run }, row) => {
+          ctx.fillStyle = isOverlaid ? ink.series[run % 8] : ink.found;
+          // What lies within the width of the mark before is marked.
+          let edge = left;
+          for (const [from_s, until_s] of intervals) {
+            const from = Math.max(x(from_s), left);
+            const to = Math.min(Math.max(x(until_s), from + 2 * ratio), left + width);
+            if (to <= edge) continue;
+            ctx.fillRect(Math.max(from, edge), top + height - high * (row + 1), to - Math.max(from, edge), 0.8 * high);
+            edge = to;
+          }
+        });
+      });
     }
 
     // Level lines, limits of requirements, and where their margins come from.
@@ -559,7 +581,11 @@
     for (const heading of document.querySelectorAll("main section[id] > h2")) add("section", heading.textContent, "", () => heading.scrollIntoView());
     add("action", "Whole run", "Home", () => axis.all());
     add("action", "Clear the cursors", "c", () => cursors.clear());
-    add("action", "Where does a formula hold", "hil panel RUN", () => tell("hil panel RUN searches the recording for a formula, at every step"));
+    for (const { formula, runs } of data.where) {
+      const count = runs.flat().length;
+      add("where", formula, `${count} interval${count === 1 ? "" : "s"}`, () => byId("where").scrollIntoView());
+    }
+    add("action", "Where does a formula hold", "hil report RUN --where 'FORMULA'", () => tell("hil report RUN --where 'FORMULA' lists where a formula holds; hil panel RUN searches for others"));
     add("action", "Light or dark", "", () => byId("theme").click());
     return list;
   };
@@ -633,6 +659,13 @@
   }
 
   for (const button of document.querySelectorAll("[data-jump]")) button.addEventListener("click", () => lookAt(Number(button.dataset.jump), 0.01, 0.05));
+  for (const button of document.querySelectorAll("[data-from]")) {
+    button.addEventListener("click", () => {
+      const [from, until] = [Number(button.dataset.from), Number(button.dataset.until)];
+      const width = Math.max((until - from) * 3, 40 * period);
+      axis.go((from + until - width) / 2, (from + until + width) / 2);
+    });
+  }
   for (const button of document.querySelectorAll("[data-requirement]")) button.addEventListener("click", () => goToRequirement(button.dataset));
 
   const filter = byId("filter");

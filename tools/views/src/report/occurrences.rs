@@ -1,7 +1,6 @@
 //! Steps at which a formula of requirements holds, evaluated at every step by the code that judges requirements.
 //!
-//! Used for a recorded run by its [`archive`](super::archive), and for a session, step by step, by a
-//! [`search`](super::live_search).
+//! Of a recorded run for reports and panels, or of a session, step by step.
 
 use std::collections::VecDeque;
 
@@ -14,14 +13,14 @@ use hil_recording::reader::SpanReader;
 use shared_types::record::RecordLayout;
 use shared_types::time::Step;
 
-use crate::report::run::Run;
+use super::run::Run;
 
 /// Maximum number of intervals that are kept and listed.
-pub(super) const MOST: usize = 1000;
+pub(crate) const MOST: usize = 1000;
 
 /// Occurrences of a formula.
 #[derive(Debug, Default)]
-pub(super) struct Occurrences {
+pub(crate) struct Occurrences {
     /// First and last step of each interval that has ended, as many as are kept.
     pub intervals: VecDeque<[u64; 2]>,
     /// Number of all intervals that have ended.
@@ -37,7 +36,7 @@ pub(super) struct Occurrences {
 }
 
 /// Search of a run by formulas.
-pub(super) struct Search {
+pub(crate) struct Search {
     plan: Plan,
     /// Signals of a record, with the derived ones behind them.
     columns: Columns,
@@ -50,7 +49,7 @@ impl Search {
     ///
     /// # Errors
     /// If the scenario of the run is invalid, or the recording is an excerpt.
-    pub(super) fn of(run: &Run) -> Result<Self, String> {
+    pub(crate) fn of(run: &Run) -> Result<Self, String> {
         let reader = &run.outcome.reader;
         let recorded = run.recorded_run();
         let recorded =
@@ -68,7 +67,7 @@ impl Search {
     ///
     /// # Errors
     /// If the plan does not fit the layout.
-    pub(super) fn of_layout(plan: &Plan, layout: &RecordLayout) -> Result<Self, ExpressionError> {
+    pub(crate) fn of_layout(plan: &Plan, layout: &RecordLayout) -> Result<Self, ExpressionError> {
         let plan = plan.clone().without_judgement();
         let evaluation = RecordEvaluation::of_layout(&plan, layout)?;
         Ok(Self::new(plan, Columns::from(layout), evaluation))
@@ -86,12 +85,12 @@ impl Search {
     }
 
     /// Returns the evaluation before the first record.
-    pub(super) fn evaluation(&self) -> RecordEvaluation {
+    pub(crate) fn evaluation(&self) -> RecordEvaluation {
         self.evaluation.clone()
     }
 
     /// Returns the row of a record that was lost.
-    pub(super) fn missing(&self) -> Vec<f64> {
+    pub(crate) fn missing(&self) -> Vec<f64> {
         vec![f64::NAN; self.columns.len()]
     }
 
@@ -99,7 +98,7 @@ impl Search {
     ///
     /// # Errors
     /// If the formula is invalid, or no step is left at which it could be judged.
-    pub(super) fn formula(&self, text: &str, first: Step) -> Result<EveryStep, String> {
+    pub(crate) fn formula(&self, text: &str, first: Step) -> Result<EveryStep, String> {
         let (formula, every_step) = self.checked(text).map_err(|error| error.to_string())?;
         if first == Step(0) {
             return Ok(every_step);
@@ -133,7 +132,7 @@ impl Search {
     ///
     /// # Errors
     /// If the formula is invalid, or the recording cannot be read any more.
-    pub(super) fn occurrences(
+    pub(crate) fn occurrences(
         &self,
         text: &str,
         spans: &SpanReader,
@@ -164,7 +163,7 @@ impl Search {
 
 impl Occurrences {
     /// Creates occurrences that keep the newest intervals, not the first ones.
-    pub(super) fn newest() -> Self {
+    pub(crate) fn newest() -> Self {
         Self {
             keeps_newest: true,
             ..Self::default()
@@ -172,7 +171,7 @@ impl Occurrences {
     }
 
     /// Adds a decided step.
-    pub(super) fn take(&mut self, decided: Option<(Step, bool)>) {
+    pub(crate) fn take(&mut self, decided: Option<(Step, bool)>) {
         let Some((step, holds)) = decided else { return };
         self.judged += 1;
         self.last = step.0;
