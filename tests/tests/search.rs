@@ -157,19 +157,39 @@ fn the_worst_case_of_a_box_is_the_corner_with_both_biases() {
 }
 
 #[test]
+fn a_narrow_valley_beside_a_wide_one_is_found() {
+    let rig = Rig::new();
+    // Biases of 10 mm together leave 1 mm; those of 35 mm, near a corner, are worse by 5 mm in a tenth of the width.
+    let error = "measured.position_m - truth.position_m";
+    let formula =
+        format!("always(abs({error} - 0.01) > -0.001 and 10 * abs({error} - 0.035) > 0.004)");
+    let valleys = study(&rig, &formula, 1.0, TWO);
+    let worst = search(&rig, "worst", &valleys, "worst").expect(1).json();
+    let sum = number(&worst["at"]["a"]) + number(&worst["at"]["b"]);
+    assert!((sum - 0.035).abs() < 5e-5, "{worst}");
+    assert!((number(&worst["margin"]) + 0.004).abs() < 5e-4, "{worst}");
+    // Failures begin at 34.6 mm, half of it in each.
+    let least = search(&rig, "smallest", &valleys, "least").expect(0).json();
+    let expected = 0.0173 / 0.02 * 2.0_f64.sqrt();
+    assert!((number(&least["fails"]) - expected).abs() < 0.01, "{least}");
+}
+
+#[test]
 fn an_empty_search_says_what_was_tried_and_what_to_do() {
     let rig = Rig::new();
     let far = ONE.replace("max = 0.03", "max = 0.009");
     let started = ONE.replace("min = 0.0", "min = 0.02");
     let island = "always(abs(measured.position_m - truth.position_m - 0.012) > 0.005)";
     let infinite = "always(-1 / (truth.position_m - truth.position_m) < 1)";
+    let few = ONE.to_owned() + "[search]\nprobes = 3\nruns = 5\n";
     let never = ONE.replace("bias\"", "bias\"\nname = \"size\"") + "[search]\nprobes = 0\n";
     #[rustfmt::skip] // a table
-    let rows: [(&str, &str, &str, &str, &[&str]); 6] = [
-        ("smallest", "far", TRUSTS, &far, &["nothing fails in bias 0 to 0.009", "nearest to failing is bias 0.009", "widen the range", "tried"]),
+    let rows: [(&str, &str, &str, &str, &[&str]); 7] = [
+        ("smallest", "far", TRUSTS, &far, &["none of 5 runs in bias 0 to 0.009 fails", "nearest to failing is bias 0.009", "widen the range", "tried"]),
         ("smallest", "started", TRUSTS, &started, &["the nominal case already fails", "margin -0.01 m at bias 0.02", "move `nominal` or `min`"]),
         ("smallest", "island", island, ONE, &["not monotone", "bias 0.0225", "raise `probes`", "fails.toml"]),
         ("smallest", "unreached", "always(abs(truth.velocity_mps) < 1)", ONE, &["`trusts` has the same margin", "whatever bias is", "either no signal of its formula is reached"]),
+        ("smallest", "few", TRUSTS, &few, &["bias 0.015 breaks trusts, bias 0.0075 does not", "the 5 runs allowed ended while the neighbours were 25 % of the ranges apart", "raise `runs`"]),
         ("worst", "infinite", infinite, TWO, &["no finite margin (NaN or infinite)", "nothing says which way failures lie"]),
         ("smallest", "unprobed", "always(abs(truth.position_m) < 1)", &never, &["`trusts` has the same margin in all 2 runs, whatever size is"]),
     ];

@@ -135,7 +135,7 @@ fn a_vacuous_case_of_a_search_is_no_passing_one() {
     }
     // Another requirement of the same cases can be searched.
     let near = search("worst", "requirement = \"near\"\n").expect(0);
-    near.prints(&["is worst and passes"]);
+    near.prints(&["is the worst tried and passes"]);
 }
 
 #[test]

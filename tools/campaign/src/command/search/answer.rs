@@ -69,6 +69,15 @@ impl Answer {
             .iter()
             .filter(|one| !one.is_failed && trials.distance(one) > trials.distance(&edge.fails));
         let passing = beyond.map(|one| trials.evaluator().describe(&one.evaluation.point));
+        let search = &trials.evaluator().study().search;
+        let unfinished = edge.too_far.map(|distance| {
+            format!(
+                "the {} allowed ended while the neighbours were {} % of the ranges apart, and `tolerance` is {} %: raise `runs` in [search]",
+                counted(search.runs, "run"),
+                short(100.0 * distance),
+                short(100.0 * search.tolerance)
+            )
+        });
         let reason = (!edge.is_monotone).then(|| {
             format!(
                 "not monotone: beyond the first failure, these pass again: {}; smaller sizes between the probes may fail, too: raise `probes` in [search], or narrow the range",
@@ -79,7 +88,7 @@ impl Answer {
             fails: Some(edge.fails),
             passes: Some(edge.passes),
             is_worst: false,
-            reason,
+            reason: reason.or(unfinished),
         }
     }
 
@@ -215,12 +224,12 @@ fn table(
         }
         (Some(worst), None) => writeln!(
             text,
-            "{name}: {} is worst and fails ({runs})",
+            "{name}: {} is the worst tried and fails ({runs})",
             describe(worst)
         )?,
         (None, Some(worst)) => writeln!(
             text,
-            "{name}: {} is worst and passes ({runs})",
+            "{name}: {} is the worst tried and passes ({runs})",
             describe(worst)
         )?,
         (None, None) => writeln!(text, "{name}: no {kind} case found ({runs})")?,

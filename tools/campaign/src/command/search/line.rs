@@ -10,6 +10,8 @@ pub(super) struct Edge {
     pub(super) fails: Trial,
     /// Set if no point beyond the first failure passed.
     pub(super) is_monotone: bool,
+    /// Distance of the neighbours in units of the ranges, if the runs ended before it was small enough.
+    pub(super) too_far: Option<f64>,
 }
 
 /// Result on a line.
@@ -54,7 +56,12 @@ pub(super) fn edge(trials: &mut Trials, from: &[f64], to: &[f64]) -> Result<Foun
     let is_monotone = tried[first..].iter().all(|one| one.is_failed);
     let [mut low, mut high] = [shares[first - 1], shares[first]];
     let [mut passes, mut fails] = [tried[first - 1].clone(), tried[first].clone()];
-    while (high - low) * length > tolerance && trials.left() > 0 {
+    let mut too_far = None;
+    while (high - low) * length > tolerance {
+        if trials.left() == 0 {
+            too_far = Some((high - low) * length);
+            break;
+        }
         let middle = low + (high - low) / 2.0;
         let values = trials.values(&at(middle));
         if values == passes.evaluation.point || values == fails.evaluation.point {
@@ -72,5 +79,6 @@ pub(super) fn edge(trials: &mut Trials, from: &[f64], to: &[f64]) -> Result<Foun
         passes,
         fails,
         is_monotone,
+        too_far,
     })))
 }

@@ -1,10 +1,10 @@
 //! `hil search smallest`: the smallest departure from the nominal values that breaks a requirement.
 
-use shared_types::number::{short, short_in};
+use shared_types::number::{counted, short, short_in};
 
 use super::answer::Answer;
 use super::line::{Edge, Found, edge};
-use super::spread::{corners, descend};
+use super::spread::{descend, spread};
 use super::trials::{Stop, Trial, Trials};
 
 /// Searches one value by bisection towards each end of its range, several by an evolution strategy.
@@ -41,7 +41,7 @@ pub(super) fn smallest(trials: &mut Trials) -> Result<Answer, Stop> {
 
 /// Finds a failing point near the nominal one; returns it as the end of a line.
 fn nearest(trials: &mut Trials) -> Result<Vec<Vec<f64>>, Stop> {
-    let first = corners(trials)?;
+    let first = spread(trials)?;
     if let Some(nominal) = first.first().filter(|one| one.is_failed) {
         return Err(already_fails(trials, nominal));
     }
@@ -133,7 +133,13 @@ fn nothing_fails(trials: &Trials) -> Stop {
     let ranges = trials.evaluator().dimensions().iter();
     let ranges = ranges.map(|one| format!("{} {} to {}", one.name, short(one.min), short(one.max)));
     Stop::Refused(format!(
-        "nothing fails in {}{nearest}; widen the range, or raise `probes` or `runs` in [search]",
-        ranges.collect::<Vec<String>>().join(", ")
+        "none of {} in {} fails{nearest}; widen the range, or raise `{}` in [search] to try more of it",
+        counted(trials.runs(), "run"),
+        ranges.collect::<Vec<String>>().join(", "),
+        if trials.nominal().len() == 1 {
+            "probes"
+        } else {
+            "runs"
+        }
     ))
 }

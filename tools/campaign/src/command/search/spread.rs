@@ -1,18 +1,26 @@
-//! Search over several values: corners first, because failures lie at edges, then an evolution strategy.
+//! Search over several values: corners first, because failures lie at edges, then points spread over the box, then an
+//! evolution strategy from each of them that has no better one nearby (multi level single linkage, Rinnooy Kan and
+//! Timmer, Mathematical Programming 39, 1987).
+
+use shared_types::random::RandomStream;
 
 use super::trials::{Stop, Trial, Trials};
 use crate::cmaes::CmaEs;
 
 /// Largest number of values whose corners are all tried.
 const MOST_CORNERED: usize = 4;
-/// Standard deviation of the first generation, in units of the ranges.
+/// Part of the runs that is spread over the box.
+const SPREAD: u64 = 4;
+/// Standard deviation of the first generation, in units of the ranges: from the best point and from others.
 const STEP: f64 = 0.3;
+const NEXT_STEP: f64 = 0.1;
 
-/// Tries the nominal point, then the corners of the box; of many values only the ends of each and the far corner.
+/// Tries the nominal point, then the corners of the box and its centre, then points drawn from all of it; of many values
+/// only the ends of each and the far corner.
 ///
 /// # Errors
 /// If a point has no result.
-pub(super) fn corners(trials: &mut Trials) -> Result<Vec<Trial>, Stop> {
+pub(super) fn spread(trials: &mut Trials) -> Result<Vec<Trial>, Stop> {
     let nominal = trials.nominal();
     let n = nominal.len();
     let mut points = vec![nominal.clone()];
@@ -30,12 +38,18 @@ pub(super) fn corners(trials: &mut Trials) -> Result<Vec<Trial>, Stop> {
         let far = nominal.iter().map(|one| if *one < 0.5 { 1.0 } else { 0.0 });
         points.push(far.collect());
     }
+    points.push(vec![0.5; n]);
+    let study = trials.evaluator().study();
+    let mut random = RandomStream::new(study.seed, "campaign/search");
+    for _ in 0..study.search.runs / SPREAD {
+        points.push((0..n).map(|_| random.uniform()).collect());
+    }
     let most = usize::try_from(trials.left()).unwrap_or(usize::MAX);
     points.truncate(most);
     trials.attempt(&points)
 }
 
-/// Moves on from the best of some trials by an evolution strategy until it has converged or few runs are left; returns
+/// Moves on from the best of some trials, and from all that have no better one nearby, until few runs are left; returns
 /// the best trial. Smaller ranks are better.
 ///
 /// # Errors
@@ -46,14 +60,48 @@ pub(super) fn descend(
     reserve: u64,
     rank: impl Fn(&Trials, &Trial) -> f64,
 ) -> Result<Option<Trial>, Stop> {
-    let ranked = first.iter().map(|one| (rank(trials, one), one));
-    let Some((mut least, start)) = ranked.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return Ok(None);
-    };
+    let mut ranked: Vec<(f64, &Trial)> = { first.iter() }
+        .map(|one| (rank(trials, one), one))
+        .collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let dimensions = trials.nominal().len() as f64;
+    let near = 2.0 * libm::pow(first.len() as f64, -1.0 / dimensions);
+    let mut best: Option<(f64, Trial)> = None;
+    for (place, (_, start)) in ranked.iter().enumerate() {
+        let is_near = |one: &&(f64, &Trial)| distance(&one.1.unit, &start.unit) < near;
+        let step = if place == 0 { STEP } else { NEXT_STEP };
+        // Without a finite rank nothing says which way is down.
+        let is_start =
+            ranked[place].0.is_finite() && !ranked[..place].iter().any(|one| is_near(&one));
+        if place > 0 && !is_start {
+            continue;
+        }
+        let end = converge(trials, ranked[place], step, reserve, &rank)?;
+        if { best.as_ref() }.is_none_or(|best| end.0 < best.0) {
+            best = Some(end);
+        }
+    }
+    Ok(best.map(|(_, trial)| trial))
+}
+
+fn distance(a: &[f64], b: &[f64]) -> f64 {
+    let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
+    squares.sum::<f64>().sqrt()
+}
+
+/// Moves on from a trial by an evolution strategy until it has converged or few runs are left; returns the best trial
+/// with its rank.
+fn converge(
+    trials: &mut Trials,
+    (mut least, start): (f64, &Trial),
+    step: f64,
+    reserve: u64,
+    rank: &impl Fn(&Trials, &Trial) -> f64,
+) -> Result<(f64, Trial), Stop> {
     let mut best = start.clone();
     let study = trials.evaluator().study();
     let (tolerance, seed) = (study.search.tolerance, study.seed);
-    let mut search = CmaEs::new(&best.unit, STEP, seed);
+    let mut search = CmaEs::new(&best.unit, step, seed);
     let patience = 10 + 10 * best.unit.len();
     let mut idle = 0;
     while search.deviation() > tolerance / 4.0 && idle < patience {
@@ -75,7 +123,7 @@ pub(super) fn descend(
         let ranked: Vec<Vec<f64>> = generation.into_iter().map(|(_, (_, one))| one).collect();
         search.adapt(&ranked);
     }
-    Ok(Some(best))
+    Ok((least, best))
 }
 
 /// Reflects a point into the box at the faces that it passed.

@@ -1,7 +1,7 @@
 //! `hil search worst`: the case with the least margin in the box of all ranges.
 
 use super::answer::Answer;
-use super::spread::{corners, descend};
+use super::spread::{descend, spread};
 use super::trials::{Stop, Trials};
 
 /// Searches the case with the least margin.
@@ -9,18 +9,14 @@ use super::trials::{Stop, Trials};
 /// # Errors
 /// If no case has a margin, or a point has no result.
 pub(super) fn worst(trials: &mut Trials) -> Result<Answer, Stop> {
-    let mut first = corners(trials)?;
-    if trials.left() > 0 {
-        let centre = vec![0.5; trials.nominal().len()];
-        first.extend(trials.attempt(&[centre])?);
-    }
+    let first = spread(trials)?;
     if first
         .iter()
         .all(|one| one.share.is_infinite() && !one.is_failed)
     {
         let (name, _) = trials.requirement(&first[0]);
         return Err(Stop::Refused(format!(
-            "`{name}` has no finite margin (NaN or infinite) in any of the {} corners and the centre, so nothing says which way failures lie; write it as a comparison of numbers that is always judged, or use hil search smallest with one value",
+            "`{name}` has no finite margin (NaN or infinite) in any of {} points of the box, so nothing says which way failures lie; write it as a comparison of numbers that is always judged, or use hil search smallest with one value",
             first.len()
         )));
     }
