@@ -405,9 +405,9 @@ def banded(desk):
     if "range" not in result["label"]:
         wait(page, "document.documentElement.dataset.ghost !== undefined")
     page.keyboard.press("a")
-    page.fill("#cursor-a", "0.6")
+    page.fill("#cursor-a", "0.55")
     page.keyboard.press("Enter")
-    measured(page, 600, 600)
+    measured(page, 550, 550)
     wait(page, "/outside at A/.test(document.getElementById('figures-head').textContent)")
     page.wait_for_timeout(300)
     result["ink"] = page.evaluate(FAINT)
