@@ -41,6 +41,7 @@ fn plots_arranged_by_hand_are_those_of_the_next_run() {
         return;
     };
     let output = play.result();
+    drop(panel);
     let list = |key: &str| output[key].as_array().expect("plots").clone();
     let before = list("before");
     assert_eq!(
@@ -178,6 +179,7 @@ fn a_file_that_is_not_the_runs_own_is_not_written() {
     page.say(&json!({ "ask": "keep", "number": 4, "plots": twice, "write": true }));
     let error = page.hear("kept")["error"].to_string();
     assert!(error.contains("two plots are called `A`"), "{error}");
+    drop((page, panel));
     let out = rig.path("again");
     rig.hil(&["rerun", folder, "--out", out.to_str().expect("text")])
         .expect(0);

@@ -8,8 +8,9 @@
 //! 4. A page that looks back or measures gets answers from what is [`kept`] of a session, or from the [`archive`] of a
 //!    recorded run.
 //!    Behind the curves may be the [`backdrop`]: another run, or the band of a baseline.
-//! 5. A page that searches for the steps at which a formula holds gets its [`occurrences`](crate::report::occurrences): in a session by a
-//!    [`live_search`] of the [`kept_records`] and of every step that follows.
+//! 5. A page that searches for the steps at which a formula holds gets its
+//!    [`occurrences`](crate::report::occurrences): in a session by a [`live_search`] of the [`kept_records`] and of
+//!    every step that follows.
 //! 6. A page may start [`branches`]: new runs that repeat this one up to a step and are held there.
 //! 7. A page may have its plots, as arranged, written to the scenario's file by the [`keeper`].
 //! 8. The [`opener`] opens the page, if this machine has a screen.
