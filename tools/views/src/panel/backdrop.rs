@@ -110,9 +110,9 @@ fn refuse_unfit(band: &Band, hz: f64, columns: &[Column]) -> Result<(), Failure>
         ..
     } = band;
     if *rate_hz != hz {
-        let (theirs, ours) = (exact_in(*rate_hz, "Hz"), exact_in(hz, "Hz"));
+        let (of_baseline, of_run) = (exact_in(*rate_hz, "Hz"), exact_in(hz, "Hz"));
         return Err(Failure::usage(format!(
-            "baseline `{name}` was recorded at {theirs}, but the run has {ours}, so their steps differ in time"
+            "baseline `{name}` was recorded at {of_baseline}, but the run has {of_run}, so their steps differ in time"
         )));
     }
     let common = columns
