@@ -24,6 +24,7 @@ import hil
 
 os.environ["HIL_BIN"] = os.path.abspath(os.environ["HIL_BIN"])
 SPRING = CLONE / "scenarios" / "spring-mass.toml"
+DRHAS = CLONE / "scenarios" / "severe-leakage.toml"
 LAW = CLONE / "examples" / "python-plant" / "spring_mass.py"
 IS_QUICK = os.environ.get("HIL_BENCH_QUICK") == "1"
 ROUNDS = 3 if IS_QUICK else 15
@@ -86,6 +87,47 @@ def environments():
     env.close()
 
 
+def reading():
+    """Yields the rows of reading a whole run, as ratios to unpacking its chunks with as many threads and nothing else."""
+    import lz4.frame
+
+    from hil import chunks
+
+    values = {"run.duration_s": 2 if IS_QUICK else 200, "derived": [], "metrics": [], "requirements": [], "plots": []}
+    run = hil.run(DRHAS, set={**values, "faults": []}, link="in-process", out="long")
+    with open(run.path, "rb") as file:
+        frames = [frame_of(file, place) for place in run._recording._chunks]
+
+    def alone():
+        for _ in chunks.in_parallel(lz4.frame.decompress, frames):
+            pass
+
+    names = list(run.signals)
+    size = len(run.time_s) * 8 / 1e9
+    for count in (1, 7, len(names)):
+        chosen = names[:: len(names) // count][:count]
+        pairs = []
+        for _ in range(ROUNDS):
+            pairs.append(duration_s(lambda: run.to_numpy(chosen)) / duration_s(alone))
+        yield f"{count} signals, {count * size:.2f} GB, over lz4", statistics.median(pairs), "", 1.5
+
+
+def frame_of(file, place):
+    """Returns the LZ4 frame of a chunk."""
+    from hil import chunks
+
+    file.seek(place.offset)
+    body = file.read(place.length)
+    *_, codec_length = chunks.CHUNK.unpack_from(body)
+    return body[chunks.CHUNK.size + codec_length + chunks.LENGTH.size :]
+
+
+def duration_s(work):
+    since = time.perf_counter_ns()
+    work()
+    return (time.perf_counter_ns() - since) / 1e9
+
+
 def law_steps_per_s():
     """Returns the speed of a run whose law is Python in a process of its own."""
     speeds = []
@@ -96,6 +138,11 @@ def law_steps_per_s():
     return statistics.median(speeds)
 
 
+def show(name, value, unit, aim):
+    limit = "" if aim is None else f"<= {aim}"
+    print(f"{name:34}{value:>10.2f}{limit:>10} {unit}", flush=True)
+
+
 def main():
     rows = [("import hil, over the interpreter", import_ms(), "ms", 15), *sessions()]
     if importlib.util.find_spec("gymnasium"):
@@ -103,11 +150,13 @@ def main():
     else:
         print("skipped: gymnasium is missing")
     print(f"{'':34}{'median':>10}{'aim':>10}")
-    for name, value, unit, aim in rows:
-        limit = "" if aim is None else f"<= {aim}"
-        print(f"{name:34}{value:>10.2f}{limit:>10} {unit}")
+    for row in rows:
+        show(*row)
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
+        for row in reading():
+            rows.append(row)
+            show(*row)
         speed = law_steps_per_s()
         os.chdir(CLONE)
     print(f"{'law in a process of its own':34}{speed:>10.0f}{'>= 20000':>10} steps/s")

@@ -20,6 +20,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools" / "
 
 import hil
 from hil import chunks, recording
+from hil.native import native
 
 SCHEMA = """uint64 step
 uint64[2] sample_invalid
@@ -151,6 +152,10 @@ uint16 core
 
     def test_an_index_that_does_not_match_its_chunk_is_refused(self):
         content = bytearray(self.path.read_bytes())
+        try:
+            native()
+        except hil.ProgramError:
+            self.skipTest("the native part is missing, which alone uses indices")
         # Opcode, length, channel of the records, and the length of the list.
         counts = [place.records for place in recording.Recording(self.path)._chunks]
         index = struct.pack("<BQHI", 7, 6 + 16 * counts[3], 1, 16 * counts[3])

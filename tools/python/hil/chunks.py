@@ -92,10 +92,15 @@ def only_block(frame: memoryview) -> Optional[memoryview]:
     return block if BLOCK.unpack_from(frame, len(FRAME_HEAD))[0] == len(block) else None
 
 
+def thread_count() -> int:
+    """Returns the number of threads that a recording is read with."""
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return min(MOST_THREADS, cores)
+
+
 def in_parallel(work: Callable[[Item], Result], items: Iterable[Item]) -> Iterator[Result]:
     """Yields the results of all items in order, computed by some threads shortly before they are needed."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    threads = min(MOST_THREADS, cores)
+    threads = thread_count()
     if threads == 1:
         yield from map(work, items)
         return

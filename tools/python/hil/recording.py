@@ -24,8 +24,9 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata, Schema
 from numpy.typing import NDArray
 
-from .chunks import ChunkError, content_of, in_parallel
-from .errors import RecordingError
+from .chunks import ChunkError, content_of, in_parallel, thread_count
+from .errors import ProgramError, RecordingError
+from .native import native
 
 MAGIC = b"\x89MCAP0\r\n"
 # Opcode and length of a record of the file.
@@ -105,9 +106,11 @@ class Recording:
                     self._take_channels(self._content(file, self._chunks[-1]))
             elif opcode == Opcode.MESSAGE_INDEX:
                 channel, index_bytes = INDEX.unpack(file.read(INDEX.size))
-                if channel == self._records_channel and self._chunks:
+                if self._chunks:
                     # Two words for each message.
-                    self._chunks[-1] = self._chunks[-1]._replace(records=index_bytes // 16)
+                    is_own = channel == self._records_channel
+                    records = index_bytes // 16 if is_own else self._chunks[-1].records or 0
+                    self._chunks[-1] = self._chunks[-1]._replace(records=records)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
                 self._take(opcode, file.read(length))
             file.seek(offset + length)
@@ -157,31 +160,24 @@ class Recording:
             yield from blocks
 
     def columns_of_all(self, places: List[int]) -> Optional[Words]:
-        """Returns those words of all records, a row for each word; `None` if the file has no index of its chunks.
+        """Returns those words of all records, a row for each word; `None` if the file has no index of its chunks, or
+        there is no native part to read it with.
 
         Each value is copied once, from the bytes of its chunk to its place in the result.
         """
-        counts = [place.records for place in self._chunks]
-        if None in counts:
+        chunks = [(place.offset, place.length, place.records) for place in self._chunks]
+        form = (self._records_channel, len(self.columns))
+        try:
+            if any(records is None for _, _, records in chunks):
+                return None
+            words = native().read_columns(self.path, form, places, chunks, thread_count())
+        except ProgramError:
             return None
-        begins = np.cumsum([0, *(count or 0 for count in counts)])
-        words = np.empty((len(places), int(begins[-1])), np.uint64)
-        slices = runs_of(places)
-
-        def fill(number: int) -> None:
-            row, end = int(begins[number]), int(begins[number + 1])
-            for block in self._blocks(self._chunks[number]):
-                if row + len(block) <= end:
-                    for into, source in slices:
-                        words[into, row : row + len(block)] = block[:, source].T
-                row += len(block)
-            if row != end:
-                at_s = self._chunks[number].start_ns / 1e9
-                raise RecordingError(f"{self.path} is damaged after {at_s} s: an index does not match its chunk")
-
-        for _ in in_parallel(fill, range(len(self._chunks))):
-            pass
-        return words
+        if isinstance(words, tuple):
+            number, reason = words
+            at_s = self._chunks[number].start_ns / 1e9
+            raise RecordingError(f"{self.path} is damaged after {at_s} s: {reason}")
+        return np.ndarray((len(places), sum(records or 0 for _, _, records in chunks)), "<u8", words)
 
     def _blocks(self, place: ChunkPlace) -> Iterator[Words]:
         for content in self._messages(self._content_at(place)):
@@ -248,17 +244,6 @@ class Recording:
                 if channel == self._events_channel:
                     yield data[body + MESSAGE.size : body + length]
             offset = body + length
-
-
-def runs_of(places: List[int]) -> List[Tuple[slice, slice]]:
-    """Returns runs of successive places: the part of the list, and the part of a record."""
-    runs: List[Tuple[slice, slice]] = []
-    begin = 0
-    for end in range(1, len(places) + 1):
-        if end == len(places) or places[end] != places[end - 1] + 1:
-            runs.append((slice(begin, end), slice(places[begin], places[begin] + end - begin)))
-            begin = end
-    return runs
 
 
 def columns_of(schema: str) -> List[Column]:

@@ -20,8 +20,9 @@
 //! 1. [`reader::RunReader`] reads a file in any state once: up to its end, truncation or damage. It verifies every
 //!    checksum, computes the digest and retains no records.
 //! 2. [`reader::SpanReader`] reads the records of a span of steps from the chunks that contain them.
-//! 3. `unpack` decompresses chunks, including truncated ones; [`clean`] sanitises event texts for display.
-//! 4. [`copy::Rescue`] copies the readable part of a file into a complete one.
+//! 3. [`reader::ColumnReader`] copies words of all records of a chunk into columns, for whole signals of long runs.
+//! 4. `unpack` decompresses chunks, including truncated ones; [`clean`] sanitises event texts for display.
+//! 5. [`copy::Rescue`] copies the readable part of a file into a complete one.
 //!
 //! [`ros`] reads numbers of ROS 2 messages, which other programs wrote.
 //!

@@ -4,6 +4,7 @@
 //! depend on the length of the run. Signal names come from the file's own schema, so recordings of unknown plants can
 //! be read. A file whose writer was killed is read as far as possible.
 
+mod columns;
 pub(crate) mod content;
 mod error;
 mod form;
@@ -27,6 +28,7 @@ use crate::clean::clean;
 use crate::schema::{ENCAPSULATION, EVENT_TOPIC, RECORD_TOPIC};
 use crate::writer::{FACTS, RESULT};
 use crate::{event, mark, part_file};
+pub use columns::{Buffers, ColumnReader};
 pub use content::FileEnd;
 use content::{Content, ContentError};
 pub use error::ReadError;

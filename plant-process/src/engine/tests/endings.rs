@@ -9,6 +9,7 @@ use hil_session::waiter::Waiter;
 use shared_types::record::ControllerFate;
 
 use super::*;
+use crate::engine::chatter;
 
 #[test]
 fn a_diverged_plant_ends_at_the_step_with_the_signal_named() {

@@ -6,7 +6,8 @@
 //! 3. `request` turns the words of `hil inject` into the request of a session, and reads the answer with a record.
 //! 4. `side` makes plants and laws of Python classes, and is the process of such a side; `class` reads each class
 //!    once for all sessions that have it.
-//! 5. `evaluation` runs a scenario at many points, on all cores.
+//! 5. `evaluation` runs a scenario at many points, and `columns` copies signals of a recording, on all cores by
+//!    `parallel`.
 //! 6. `agent` chooses the commands of a session in place of a law, and `environment` executes the steps between its
 //!    choices.
 //!
@@ -17,10 +18,12 @@
 mod agent;
 mod bound;
 mod class;
+mod columns;
 mod environment;
 mod evaluation;
 mod failure;
 mod observer;
+mod parallel;
 mod request;
 mod saved;
 mod scenario;
@@ -36,6 +39,8 @@ mod _native {
 
     #[pymodule_export]
     use crate::agent::Agent;
+    #[pymodule_export]
+    use crate::columns::read_columns;
     #[pymodule_export]
     use crate::environment::play;
     #[pymodule_export]

@@ -17,7 +17,7 @@ use super::{ReadError, RunReader};
 use crate::schema::ENCAPSULATION;
 
 /// Number of bytes of a message between its head and its content.
-const MESSAGE_BYTES: usize = 22;
+pub(super) const MESSAGE_BYTES: usize = 22;
 
 /// Location of a chunk in the file.
 #[derive(Clone, Copy, Debug)]
@@ -130,7 +130,7 @@ impl SpanReader {
 }
 
 /// Splits off the next record of a chunk.
-fn next<'a>(rest: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
+pub(super) fn next<'a>(rest: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
     let head = rest.split_off(..HEAD_BYTES)?;
     let length = u64::from_le_bytes(head[1..].try_into().ok()?);
     let message = rest.split_off(..usize::try_from(length).ok()?)?;
