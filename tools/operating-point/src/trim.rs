@@ -13,7 +13,7 @@ use hil_facts::programs::scenario::Finder;
 use shared_types::describe::{PlantDescription, Settings};
 use shared_types::extremes::larger;
 use shared_types::local_map::{LocalMap, Variable};
-use shared_types::number::{exact, exact_in};
+use shared_types::number::{counted, exact, exact_in};
 use shared_types::side::Side;
 use shared_types::table::{Field, nearest};
 use shared_types::time::Step;
@@ -263,8 +263,8 @@ fn refuse(solution: &Solution, plant: &PlantDescription, problem: &Problem) -> R
             false => "hold fewer or other values",
         };
         return Err(Failure::Differ(format!(
-            "no equilibrium: the closest point, after {} evaluations, is none; {advice}:{}",
-            solution.evaluations,
+            "no equilibrium: the closest point, found in {}, leaves residuals; {advice}:{}",
+            counted(solution.evaluations.into(), "evaluation"),
             lines.concat()
         )));
     }

@@ -16,6 +16,7 @@ use std::path::{Path, PathBuf};
 use hil_console::files::part_file::write_text;
 use hil_console::terminal::exit::Failure;
 use serde::Serialize;
+use shared_types::number::counted;
 
 use listed::Listed;
 use run::{Identity, RecordedRun};
@@ -177,7 +178,8 @@ impl Evidence {
             unlinked,
             ..
         } = self;
-        let mut text = format!("{tests} tests in {runs} runs, {passed} passed\n");
+        let (tests, runs) = (counted(*tests as u64, "test"), counted(*runs as u64, "run"));
+        let mut text = format!("{tests} in {runs}, {passed} passed\n");
         for RunCopy { folder, of } in &self.copies {
             let (folder, of) = (folder.display(), of.display());
             text += &format!("{folder} is a copy of {of}; its tests count once\n");

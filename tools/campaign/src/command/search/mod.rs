@@ -54,9 +54,7 @@ fn with(
         Err(Stop::Refused(reason)) => Answer::without(reason),
         Err(Stop::Failed(Failure::Interrupted)) => {
             let folder_text = quoted(&folder);
-            tell!(
-                "interrupted; finished runs are kept in {folder_text}, and the same command continues"
-            );
+            tell!("finished runs are kept in {folder_text}, and the same command continues");
             return Err(Failure::Interrupted);
         }
         Err(Stop::Failed(failure)) => return Err(failure),
