@@ -474,3 +474,12 @@ fn python_control_opens_the_file_with_two_lines() {
     let script = workspace().join("tests/python/judge_linear.py");
     succeeds(Command::new(python).arg(script).arg(file));
 }
+
+#[test]
+fn a_file_on_a_full_disk_is_named() {
+    let rig = Rig::new();
+    let plant = ["linearise", SPRING_MASS, "--of", "plant", "--at", "5"];
+    rig.hil(&[&plant[..], &["-o", "/dev/full"]].concat())
+        .expect(3)
+        .says(&["cannot write /dev/full", "No space left"]);
+}

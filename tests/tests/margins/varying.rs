@@ -3,6 +3,7 @@
 use super::refusals::refused;
 use super::{SPRING_MASS, TWENTY, fault, measured, teaching_with};
 use crate::support::harness::Rig;
+use crate::support::programs::program;
 
 #[test]
 fn a_slower_sensor_or_actuator_is_refused_as_a_loop_of_two_rates() {
@@ -142,4 +143,36 @@ fn an_unwritable_file_is_named_before_the_measurement() {
     let run = rig.hil(&["margins", SPRING_MASS, "-o", output]);
     assert!(run.stderr.contains("cannot write"), "{}", run.stderr);
     assert!(!run.stderr.contains("probing"), "{}", run.stderr);
+}
+
+#[test]
+fn a_file_that_cannot_be_completed_leaves_the_margins_and_the_older_file() {
+    let rig = Rig::new();
+    let run = rig.hil(&[&["margins", SPRING_MASS, "-o", "/dev/full"], TWENTY].concat());
+    run.expect(3)
+        .prints(&["  gain margin   36.40"])
+        .says(&["cannot write /dev/full", "No space left"]);
+    // A limit of 1 KiB or less, which the responses exceed, and which ends no program.
+    let script = "trap '' XFSZ; ulimit -f 1; exec \"$@\"";
+    for older in [None, Some("older")] {
+        let folder = rig.path(older.unwrap_or("new"));
+        std::fs::create_dir(&folder).expect("a folder");
+        let path = folder.join("loop.csv");
+        if let Some(text) = older {
+            std::fs::write(&path, text).expect("a file");
+        }
+        let mut command = rig.command("sh");
+        command.args(["-c", script, "sh"]);
+        command.args([program("hil"), "margins".into(), SPRING_MASS.into()]);
+        command.arg("-o").arg(&path).args(TWENTY);
+        let run = rig.program(command);
+        run.expect(3).prints(&["  gain margin   36.40"]).says(&[
+            "cannot write",
+            "loop.csv",
+            "File too large",
+        ]);
+        let left = std::fs::read_dir(&folder).expect("a folder").count();
+        assert_eq!(left, usize::from(older.is_some()));
+        assert_eq!(std::fs::read_to_string(&path).ok().as_deref(), older);
+    }
 }

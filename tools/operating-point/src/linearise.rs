@@ -1,11 +1,10 @@
 //! `hil linearise`: the linear model of a plant, a law or their loop at a point of a scenario. Changes no scenario.
 
-use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 
 use hil_config::plan::Plan;
-use hil_console::files::destination::Destination;
+use hil_console::files::destination::{Destination, deliver};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -85,16 +84,11 @@ pub fn linearise(arguments: &LineariseArguments) -> Result<Exit, Failure> {
     };
     let file = File::of(&model, &origin).map_err(Failure::Differ)?;
     if let Some(destination) = destination {
-        write(destination, &file)?;
+        deliver(&output::pretty(&file)?, destination, path)?;
     }
     let is_json = arguments.json || (arguments.output.is_some() && path.is_none());
     output::result(is_json, &file, || file.text())?;
     Ok(Exit::Pass)
-}
-
-fn write(mut destination: Destination, file: &File) -> Result<(), Failure> {
-    let result = destination.write_all(output::pretty(file)?.as_bytes());
-    (result.and_then(|()| destination.complete())).map_err(Failure::infrastructure)
 }
 
 /// Returns the model of the plant with the inputs of the point.

@@ -11,10 +11,9 @@
 //! The motion of step 1 is subtracted. A margin that the response does not support is refused (`refusal`) with a reason.
 //! Plants and laws that are built into `hil` run in this thread, other programs in two processes (`rig`).
 
-use std::path::Path;
-
 use hil_config::plan::{Clock, Plan, Trigger};
 use hil_config::scenario::Scenario;
+use hil_console::files::destination::{Destination, deliver};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -73,12 +72,10 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
             "--at must be from 0 to 1000000 s, not {at_s}"
         )));
     }
-    if let Some(path) = &arguments.output {
-        // A file that cannot be written is known before the measurement.
-        let mut options = std::fs::OpenOptions::new();
-        let opened = options.create(true).append(true).open(path);
-        opened.map_err(|error| unwritable(path, &error))?;
-    }
+    // Refused before the measurement.
+    let path = arguments.output.as_deref();
+    let destination = path.map(|path| Destination::open(Some(path), true));
+    let destination = destination.transpose()?;
     let mut report = Report::default();
     for at_s in points {
         let point = OperatingPoint {
@@ -91,18 +88,15 @@ pub fn margins(arguments: &MarginsArguments) -> Result<Exit, Failure> {
         };
         point.measure(at_s, &mut report)?;
     }
-    if let Some(path) = &arguments.output {
-        std::fs::write(path, report.csv()).map_err(|error| unwritable(path, &error))?;
-    }
+    // Before the file, whose disk may be full.
     output::result(arguments.json, &report, || report.describe())?;
+    if let Some(destination) = destination {
+        deliver(&report.csv(), destination, path)?;
+    }
     Ok(match report.is_complete() {
         true => Exit::Pass,
         false => Exit::Failed,
     })
-}
-
-fn unwritable(path: &Path, error: &std::io::Error) -> Failure {
-    Failure::infrastructure(format!("cannot write {}: {error}", path.display()))
 }
 
 /// Command of the plant.

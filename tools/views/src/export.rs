@@ -14,7 +14,7 @@ mod table;
 use std::io::{ErrorKind, IsTerminal, Write as _};
 use std::path::Path;
 
-use hil_console::files::destination::Destination;
+use hil_console::files::destination::{Destination, not_written};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -119,7 +119,7 @@ pub fn table(
             ExportFormat::Csv => Table::Csv(csv::Csv::new(destination, &columns)),
             ExportFormat::Parquet => parquet::Parquet::new(destination, &columns)
                 .map(Table::Parquet)
-                .map_err(|error| cannot_write(path, &error))?,
+                .map_err(|error| not_written(path, &error))?,
         },
         reader,
         selection,
@@ -174,18 +174,6 @@ fn listing(signals: &[Column], as_json: bool) -> Result<String, Failure> {
         table.row(&[&name, &unit_shown(unit)]);
     }
     Ok(table.to_string())
-}
-
-fn cannot_write(path: Option<&Path>, error: &std::io::Error) -> Failure {
-    let what = path.map_or_else(
-        || "the output".to_owned(),
-        |path| path.display().to_string(),
-    );
-    let hint = match (error.kind(), path) {
-        (ErrorKind::StorageFull, Some(path)) if !path.exists() => "; no part of it is left behind",
-        _ => "",
-    };
-    Failure::infrastructure(format!("cannot write {what}: {error}{hint}"))
 }
 
 /// Selection of the exported steps.
@@ -346,30 +334,6 @@ fn unless_gone(path: Option<&Path>, error: &std::io::Error) -> Result<Option<Exp
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(None),
         _ => Err(not_written(path, error)),
-    }
-}
-
-/// Writes a page; a closed pipe on standard output counts as success.
-///
-/// # Errors
-/// If the output cannot be written.
-pub fn deliver(
-    text: &str,
-    mut destination: Destination,
-    path: Option<&Path>,
-) -> Result<(), Failure> {
-    let written = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
-    written.or_else(|error| match error.kind() {
-        ErrorKind::BrokenPipe if path.is_none() => Ok(()),
-        _ => Err(not_written(path, &error)),
-    })
-}
-
-/// Returns the failure for a file that could not be completed.
-pub(crate) fn not_written(path: Option<&Path>, error: &std::io::Error) -> Failure {
-    match error.kind() {
-        ErrorKind::AlreadyExists => Failure::usage(error),
-        _ => cannot_write(path, error),
     }
 }
 

@@ -34,7 +34,7 @@ use std::path::{Path, PathBuf};
 
 use glob::Pattern;
 use hil_config::plan::{Plot, PlotKind, Scale};
-use hil_console::files::destination::Destination;
+use hil_console::files::destination::{Destination, not_written};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -44,7 +44,6 @@ use shared_types::number::counted;
 use shared_types::table::near;
 
 use crate::arguments::report::ReportArguments;
-use crate::export::not_written;
 use crate::plots::by_unit;
 use crate::plots::signal::own_names;
 use captions::{captions, name_of};

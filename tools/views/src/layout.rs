@@ -11,13 +11,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use hil_config::plan::Plan;
-use hil_console::files::destination::Destination;
+use hil_console::files::destination::{Destination, deliver};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_facts::results::recorded_run::RecordedRun;
 
 use crate::arguments::layout::{LayoutArguments, Viewer};
-use crate::export::deliver;
 use hil_recording::reader::{ReadError, RunReader};
 
 /// Minimum and maximum of signals, by name.

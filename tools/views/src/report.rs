@@ -27,7 +27,7 @@ use std::thread;
 use std::time::Duration;
 
 use glob::Pattern;
-use hil_console::files::destination::Destination;
+use hil_console::files::destination::{Destination, deliver};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::interruption::Interruption;
 use hil_console::terminal::output;
@@ -35,7 +35,6 @@ use serde::Serialize;
 use shared_types::table::near;
 
 use crate::arguments::report::ReportArguments;
-use crate::export::deliver;
 use crate::figures;
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;

@@ -18,11 +18,10 @@ use std::path::Path;
 
 use crate::folder::{Conflict, Folder};
 use hil_config::study::Study;
-use hil_console::files::destination::Destination;
+use hil_console::files::destination::{Destination, deliver};
 use hil_console::terminal::exit::{Exit, Failure};
 use hil_console::terminal::output;
 use hil_views::arguments::report::ReportArguments;
-use hil_views::export::deliver;
 use serde::Serialize;
 use shared_types::number::counted;
 

@@ -101,6 +101,42 @@ impl Write for Destination {
     }
 }
 
+/// Writes a whole text; a closed pipe on standard output counts as success.
+///
+/// # Errors
+/// If the output cannot be written.
+pub fn deliver(
+    text: &str,
+    mut destination: Destination,
+    path: Option<&Path>,
+) -> Result<(), Failure> {
+    let written = (destination.write_all(text.as_bytes())).and_then(|()| destination.complete());
+    written.or_else(|error| match error.kind() {
+        ErrorKind::BrokenPipe if path.is_none() => Ok(()),
+        _ => Err(not_written(path, &error)),
+    })
+}
+
+/// Returns the failure for an output that could not be completed.
+pub fn not_written(path: Option<&Path>, error: &io::Error) -> Failure {
+    match error.kind() {
+        ErrorKind::AlreadyExists => Failure::usage(error),
+        _ => cannot_write(path, error),
+    }
+}
+
+fn cannot_write(path: Option<&Path>, error: &io::Error) -> Failure {
+    let what = path.map_or_else(
+        || "the output".to_owned(),
+        |path| path.display().to_string(),
+    );
+    let hint = match (error.kind(), path) {
+        (ErrorKind::StorageFull, Some(path)) if !path.exists() => "; no part of it is left behind",
+        _ => "",
+    };
+    Failure::infrastructure(format!("cannot write {what}: {error}{hint}"))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,7 +8,7 @@ use hil_facts::arguments::BinaryArguments;
 /// Examples in the help of `hil margins`.
 pub const EXAMPLES: &str = "\
 Exit codes: 0 every margin was measured; 1 one was refused, with its reason; 2 wrong usage or
-configuration.
+configuration; 3 a program died or did not answer, or the file could not be written; 130 interrupted.
 
 Examples:
   hil margins scenarios/spring-mass.toml

@@ -200,12 +200,12 @@ impl Measurement<'_> {
             };
             points.insert(*turns, point);
         }
-        let stands = clipped
-            .filter(|_| (points.values()).any(|point| point.nonlinearity() > refusal::CHANGE));
-        match stands {
-            Some(value) => Err(Stop::Refused(format!(
-                "saturation: the law's command stands at {value} for several steps while the probe runs; lower --amplitude, or choose another --at"
-            ))),
+        let depends = || (points.values()).any(|point| point.nonlinearity() > refusal::CHANGE);
+        match clipped.filter(|one| one.share > refusal::CHANGE || depends()) {
+            Some(one) => {
+                let own = self.own.stands_at(self.command, one.value);
+                Err(Stop::Refused(refusal::clipped(&one, own)))
+            }
             None => Ok(()),
         }
     }

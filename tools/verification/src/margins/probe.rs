@@ -1,6 +1,7 @@
 //! A run with a probe at every command, and the fits of the probes' inputs and outputs.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 use hil_config::SineFit;
 use hil_config::plan::{Plan, Probe, Tone};
@@ -19,6 +20,9 @@ pub(super) const WINDOWS: usize = 3;
 
 /// Share of a motion below which its changes are rounding.
 const ROUNDING: f64 = 1e-7;
+
+/// Least number of steps for which a command at a limit has the same value.
+const STANDING: usize = 3;
 
 /// Real and imaginary part.
 pub(super) type Complex = (f64, f64);
@@ -88,12 +92,23 @@ pub(super) struct Motion {
     inputs: Vec<Vec<f64>>,
     /// Output of the excited probe in all windows.
     output: Vec<f64>,
+    /// `true` at the steps of all windows at which the law's inputs differ from those of the step before.
+    moves: Vec<bool>,
     /// Largest size of each command.
     pub(super) largest: Vec<f64>,
     /// Number of steps of the probe at which an actuator stood at the end of its range, by command.
     pub(super) limited: Vec<u64>,
     /// Faults and changes of the run.
     pub(super) events: Vec<Event>,
+}
+
+/// Largest or smallest value of a command, at which it stands for several steps.
+pub(super) struct Clipped {
+    pub(super) value: f64,
+    /// Share of the steps at which it stands there while the law's inputs move.
+    pub(super) share: f64,
+    /// `true` if it has no other value.
+    pub(super) is_throughout: bool,
 }
 
 impl Loops<'_> {
@@ -235,18 +250,38 @@ impl Motion {
         growths.reduce(larger)
     }
 
-    /// Returns the value at which a command stands for several steps, if that is its largest or smallest.
-    pub(super) fn clipped(&self, command: usize) -> Option<f64> {
-        const STEPS: usize = 3;
+    /// Returns the largest or smallest value of a command if it stands there for several steps, and the one at which it
+    /// stands longer.
+    pub(super) fn clipped(&self, command: usize) -> Option<Clipped> {
         let values = &self.inputs[command];
         let [low, high] = ends(values);
-        let stands = |end: f64| {
-            let mut streaks = values.chunk_by(|a, b| a == b);
-            streaks.any(|streak| streak.len() >= STEPS && streak[0] == end)
-        };
-        [high, low]
-            .into_iter()
-            .find(|end| low < high && stands(*end))
+        let all = [high, low].map(|end| {
+            let (mut stands, mut moving, mut first) = (false, 0, 0);
+            for streak in values.chunk_by(|a, b| a == b) {
+                let after = first + streak.len();
+                if streak[0] == end && streak.len() >= STANDING {
+                    stands = true;
+                    moving += { self.moves[first + 1..after].iter() }
+                        .filter(|moves| **moves)
+                        .count();
+                }
+                first = after;
+            }
+            stands.then(|| Clipped {
+                value: end,
+                share: moving as f64 / values.len() as f64,
+                is_throughout: low == high,
+            })
+        });
+        let all = all.into_iter().flatten();
+        all.reduce(|a, b| if b.share > a.share { b } else { a })
+    }
+
+    /// Returns `true` if a command stands at a value for several steps, up to rounding.
+    pub(super) fn stands_at(&self, command: usize, value: f64) -> bool {
+        let at = |one: &f64| (one - value).abs() <= ROUNDING * value.abs();
+        let mut all = self.inputs[command].windows(STANDING);
+        all.any(|steps| steps.iter().all(at))
     }
 }
 
@@ -261,6 +296,9 @@ struct Series {
     layout: RecordLayout,
     /// Place of each applied command among the values of a record, and the range of its actuator.
     applied: Vec<(usize, Option<(f64, f64)>)>,
+    /// Places of the law's inputs, and their last values.
+    law: Range<usize>,
+    last: Vec<f64>,
     motion: Motion,
 }
 
@@ -281,11 +319,14 @@ impl Series {
         Self {
             layout: layout.clone(),
             applied: places.collect(),
+            law: truth..truth + measured + reference,
+            last: Vec::new(),
             motion: Motion {
                 course: loops.course,
                 excited,
                 inputs: vec![Vec::new(); count],
                 output: Vec::new(),
+                moves: Vec::new(),
                 largest: vec![0.0; count],
                 limited: vec![0; count],
                 events: Vec::new(),
@@ -322,6 +363,12 @@ impl RecordSink for Series {
             *count += u64::from(limit.is_some_and(|(low, high)| value <= low || value >= high));
         }
         if since >= motion.course.period_steps {
+            let of_law = &view.values[self.law.clone()];
+            // A value that stands still may change by rounding.
+            let moved = |(a, b): (&f64, &f64)| (a - b).abs() > 1e-12 * b.abs();
+            motion.moves.push(of_law.iter().zip(&self.last).any(moved));
+            self.last.clear();
+            self.last.extend_from_slice(of_law);
             for (series, input) in motion.inputs.iter_mut().zip(inputs) {
                 series.push(*input);
             }

@@ -3,6 +3,7 @@
 use super::extremes::larger;
 use super::locus::Margins;
 use super::point::{Point, size};
+use super::probe::Clipped;
 
 /// Largest share of the loop's own motion in the response.
 const OWN_MOTION: f64 = 0.1;
@@ -130,4 +131,22 @@ pub(super) fn limited(commands: &[String], limited: &[u64], own: &[u64]) -> Opti
             "saturation: the actuator of command.{command} is at the end of its range at {steps} steps while the probe runs; {advice}"
         )
     })
+}
+
+/// Returns the reason if the law's command stands at a value while the probe runs; `own` is `true` if it does so without
+/// tones, too.
+pub(super) fn clipped(clipped: &Clipped, own: bool) -> String {
+    let value = clipped.value;
+    if clipped.is_throughout {
+        return format!(
+            "saturation: the law's command stands at {value} throughout, whatever the probe does, so it is at a limit, or the law uses no signal that moves; choose another --at, or mend the loop"
+        );
+    }
+    let advice = match own {
+        false => "while the probe runs; lower --amplitude, or choose another --at",
+        true => {
+            "while the probe runs, and without the probe the loop's own motion takes it there, so no --amplitude helps; choose another --at, or mend the loop"
+        }
+    };
+    format!("saturation: the law's command stands at {value} for several steps {advice}")
 }

@@ -313,9 +313,10 @@ impl Input {
                 let Some(value) = value else {
                     return writeln!(text, "  {name:<14}none in this range");
                 };
-                write!(text, "  {name:<14}{value:.5} {unit}")?;
+                let decimals = decimals(range);
+                write!(text, "  {name:<14}{value:.decimals$} {unit}")?;
                 if let Some([low, high]) = range {
-                    write!(text, " ({low:.5} to {high:.5})")?;
+                    write!(text, " ({low:.decimals$} to {high:.decimals$})")?;
                 }
                 match at_hz {
                     Some(hz) => writeln!(text, " at {hz:.5} Hz"),
@@ -361,5 +362,31 @@ impl Input {
             self.responses.len(),
             coherence.unwrap_or(f64::NAN)
         )
+    }
+}
+
+/// Returns the number of decimals that a figure of this range has: those down to the leading digit of its width.
+fn decimals(range: Option<[f64; 2]>) -> usize {
+    let units = [1.0, 0.1, 0.01, 1e-3, 1e-4];
+    let width = range.map_or(0.0, |[low, high]| high - low);
+    (units.iter().position(|unit| width >= *unit)).unwrap_or(units.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_figure_has_no_more_decimals_than_its_range_supports() {
+        for (range, expected) in [
+            (None, 5),
+            (Some([36.402_62, 36.402_62]), 5),
+            (Some([73.968_3, 73.968_5]), 4),
+            (Some([73.95, 73.98]), 2),
+            (Some([0.1, 0.7]), 1),
+            (Some([-3.0, 2.0]), 0),
+        ] {
+            assert_eq!(decimals(range), expected, "{range:?}");
+        }
     }
 }

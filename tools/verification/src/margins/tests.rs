@@ -72,6 +72,11 @@ after = 0.01
 
 /// Measures the loop of the scenario with this text added.
 fn measured(further: &str) -> Result<Measured, String> {
+    measured_by(1.0, further)
+}
+
+/// Measures the loop of the scenario with this text added by a probe of this amplitude.
+fn measured_by(amplitude: f64, further: &str) -> Result<Measured, String> {
     let rig = Rig::BuiltIn(Box::new(alone::built_in()));
     let scenario = Scenario::parse(&format!("{SCENARIO}{further}"), "loop.toml").expect("TOML");
     let (plants, laws, kinds) = rig.described();
@@ -93,7 +98,7 @@ fn measured(further: &str) -> Result<Measured, String> {
         loops: &loops,
         own: &own,
         command: 0,
-        amplitude: Some(1.0),
+        amplitude: Some(amplitude),
         span,
     };
     refusable(measurement.run()).expect("a run")
@@ -177,6 +182,51 @@ fn an_actuator_at_its_limit_is_refused() {
     let reason = measured("[[actuators]]\nsignal = \"force_n\"\nrange = [-1.1, 1.1]\n");
     let reason = reason.expect_err("a refusal");
     assert!(reason.contains("saturation: the actuator"), "{reason}");
+}
+
+/// Reason why the loop under a law with these parameters has no margins.
+fn reason(amplitude: f64, parameters: &str) -> String {
+    let further = format!("[controller.pid]\n{parameters}");
+    measured_by(amplitude, &further).expect_err("a refusal")
+}
+
+#[test]
+fn no_amplitude_is_advised_where_the_loops_own_motion_is_at_the_laws_limit() {
+    // Without a limit, the characteristic polynomial s^3 - 3 s^2 + 400 s + 2000 has roots in the right half plane.
+    for (limit, amplitudes) in [("2.0", [0.02, 1e-6]), ("1e3", [10.0, 1e-6])] {
+        for amplitude in amplitudes {
+            let law = format!("derivative_n_s_per_m = -5.0\ncommand_limit_n = {limit}\n");
+            let reason = reason(amplitude, &law);
+            assert!(reason.contains("saturation: the law's"), "{reason}");
+            assert!(reason.contains("own motion takes it there"), "{reason}");
+            assert!(reason.contains("no --amplitude helps"), "{reason}");
+        }
+    }
+}
+
+#[test]
+fn a_law_that_is_always_at_its_limit_is_saturated_and_not_without_crossover() {
+    // At rest the spring takes 100 N/m * 0.01 m = 1 N; the integral waits at the limit.
+    let reason = reason(0.01, "command_limit_n = 0.5\n");
+    let text = "saturation: the law's command stands at 0.5 throughout";
+    assert!(reason.contains(text), "{reason}");
+    assert!(!reason.contains("amplitude"), "{reason}");
+}
+
+#[test]
+fn a_law_that_rests_at_its_limit_and_answers_half_of_the_probe_is_saturated() {
+    // Without an integral, 300 (0.01 - x) = 100 x at rest: x = 0.0075 m and a command of 0.75 N. The response of a clamped
+    // half-wave is the same at every amplitude.
+    let law = "integral_n_per_m_s = 0.0\ncommand_limit_n = ";
+    let at_limit = reason(0.01, &format!("{law}0.75\n"));
+    assert!(at_limit.contains("stands at 0.75 for"), "{at_limit}");
+    assert!(at_limit.contains("no --amplitude helps"), "{at_limit}");
+    // Where there is room between rest and limit, a smaller probe fits.
+    let beside = reason(1.0, &format!("{law}0.8\n"));
+    assert!(beside.contains("stands at"), "{beside}");
+    assert!(beside.contains("lower --amplitude"), "{beside}");
+    let fits = measured_by(1e-3, &format!("[controller.pid]\n{law}0.8\n"));
+    fits.expect("margins");
 }
 
 #[test]
