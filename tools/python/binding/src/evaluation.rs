@@ -2,7 +2,6 @@
 
 use std::path::PathBuf;
 
-use crate::class::Classes;
 use hil_console::terminal::exit::Failure;
 use hil_console::terminal::interruption::Interruption;
 use hil_facts::results::requirements::{Requirement, RunVerdict};
