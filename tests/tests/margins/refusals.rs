@@ -1,6 +1,6 @@
 //! Loops whose margins are refused, each with its reason and the exit code 1, and wrong usage.
 
-use super::{SPRING_MASS, TWENTY, crossed, fault, measured, number, teaching_with};
+use super::{SPRING_MASS, TWENTY, crossed, measured, number, teaching_with};
 use crate::foreign::compiled;
 use crate::support::harness::{Rig, text};
 use crate::support::run::Run;
@@ -157,12 +157,35 @@ fn a_response_that_depends_on_the_amplitude_is_refused() {
 }
 
 #[test]
-fn a_loop_without_crossover_is_refused_with_its_gains() {
+fn a_loop_without_crossover_has_the_figures_that_need_none() {
     let rig = Rig::new();
-    let effect = "target = \"command.force_n\"\nfactor = 0.001";
-    let scenario = teaching_with(&rig, &fault("scale", 0.0, effect));
-    let reasons = ["no crossover: |L| is", "never 1 between"];
-    refused(&rig, &scenario, TWENTY, &reasons);
+    // A gain of 0.3 at rest, and of 0.27 at the resonance.
+    let weak = [
+        "plant.parameters.damping_n_s_per_m=16",
+        "controller.pid.proportional_n_per_m=30",
+        "controller.pid.integral_n_per_m_s=0",
+        "controller.pid.derivative_n_s_per_m=3",
+    ];
+    let weak = weak.map(|change| ["--set", change]).concat();
+    let further = [TWENTY, &weak[..]].concat();
+    let run = rig.hil(&[&["margins", SPRING_MASS, "--json"], &further[..]].concat());
+    let report = run.expect(1).json();
+    let input = &report["inputs"][0];
+    let reason = input["crossover_refused"].as_str().expect("a reason");
+    assert!(reason.contains("no crossover: |L| is"), "{reason}");
+    assert!(reason.contains("stays below 1 between"), "{reason}");
+    assert!(input["refused"].is_null());
+    for figure in ["phase_margin_deg", "delay_margin_s", "crossover_hz"] {
+        assert!(input[figure].is_null(), "{figure} without a crossover");
+    }
+    assert!(number(&input["gain_margin_db"]) > 0.0 && number(&input["disc_margin"]) > 0.0);
+    let plain = rig.hil(&[&["margins", SPRING_MASS], &further[..]].concat());
+    plain.expect(1).prints(&[
+        "  gain margin   5",
+        "  phase margin  refused: no crossover",
+        "  delay margin  refused: no crossover",
+        "  least |1 + L| 0.",
+    ]);
 }
 
 #[test]

@@ -36,6 +36,8 @@ pub(super) struct Measured {
     pub(super) margins: Margins,
     /// Margins from each window, from half the amplitude, and from a coarser interpolation.
     pub(super) others: Vec<Margins>,
+    /// Reason to refuse phase and delay margin alone.
+    pub(super) crossover_refused: Option<String>,
     /// Reason to refuse the gain margin alone.
     pub(super) gain_refused: Option<String>,
     /// Reason to refuse the least distance from -1 alone.
@@ -98,8 +100,7 @@ impl Measurement<'_> {
         let unresolved = resolution(&all(&points)).1;
         let all: Vec<Point> = points.values().cloned().collect();
         let result = margins(&locus(&points, |point| point.l));
-        let reason = unresolved.or_else(|| refusal::without_crossover(&all, &result));
-        if let Some(reason) = reason {
+        if let Some(reason) = unresolved {
             return Err(Stop::Refused(reason));
         }
         let mut others: Vec<Margins> = (0..WINDOWS)
@@ -110,6 +111,7 @@ impl Measurement<'_> {
         let [gain_refused, disc_refused] = refusal::figures(&all, &result);
         Ok(Measured {
             amplitude,
+            crossover_refused: refusal::without_crossover(&all, &result),
             points: all,
             margins: result,
             others,

@@ -75,12 +75,16 @@ pub(super) fn rounded(amplitude: f64, command: f64) -> Option<String> {
     })
 }
 
-/// Returns the reason if a locus has no crossover.
+/// Returns the reason to refuse phase and delay margin alone, if a locus has no crossover.
 pub(super) fn without_crossover(points: &[Point], margins: &Margins) -> Option<String> {
     let [first, last] = [points.first()?, points.last()?];
+    let side = match size(first.l) < 1.0 {
+        true => "below",
+        false => "above",
+    };
     margins.crossovers.is_empty().then(|| {
         format!(
-            "no crossover: |L| is {:.4} at {:.4} Hz and {:.4} at {:.4} Hz, and never 1 between; choose other --frequencies, unless the loop has none",
+            "no crossover: |L| is {:.4} at {:.4} Hz and {:.4} at {:.4} Hz, and stays {side} 1 between; choose other --frequencies, unless the loop has none",
             size(first.l),
             first.frequency_hz,
             size(last.l),

@@ -70,6 +70,8 @@ pub(super) struct Input {
     crossovers: Vec<[f64; 2]>,
     /// Frequencies with a phase of -180 degrees, each with its gain margin in dB.
     phase_crossovers: Vec<[f64; 2]>,
+    /// Reason, if phase and delay margin alone were refused.
+    crossover_refused: Option<String>,
     /// Reason, if the gain margin alone was refused.
     gain_refused: Option<String>,
     /// Reason, if the least `|1 + L|` alone was refused.
@@ -182,6 +184,7 @@ impl Report {
                     .map(|point| point.coherence)
                     .reduce(smaller)
             }),
+            crossover_refused: measured.and_then(|one| one.crossover_refused.clone()),
             gain_refused,
             disc_refused,
             responses: (measured.iter().flat_map(|one| &one.points))
@@ -212,8 +215,14 @@ impl Report {
 
     /// Returns `true` if no loop was refused.
     pub(super) fn is_complete(&self) -> bool {
-        let inputs = (self.inputs.iter())
-            .flat_map(|input| [&input.refused, &input.gain_refused, &input.disc_refused]);
+        let inputs = self.inputs.iter().flat_map(|input| {
+            [
+                &input.refused,
+                &input.crossover_refused,
+                &input.gain_refused,
+                &input.disc_refused,
+            ]
+        });
         let mut all = inputs.chain(self.together.iter().map(|joint| &joint.refused));
         all.all(Option::is_none)
     }
@@ -304,6 +313,7 @@ impl Input {
             |name: &str, value: Option<f64>, range: Option<[f64; 2]>, unit: &str, at_hz| {
                 let refused = match name {
                     "gain margin" => &self.gain_refused,
+                    "phase margin" | "delay margin" => &self.crossover_refused,
                     "least |1 + L|" => &self.disc_refused,
                     _ => &None,
                 };

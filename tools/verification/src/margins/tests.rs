@@ -30,7 +30,13 @@ fn z(frequency_hz: f64, n: f64) -> Complex {
 
 /// L of `m = 1`, `c = 2`, `k = 100` under a `pid` with 300, 2000 and 30.
 fn closed_form(frequency_hz: f64) -> Complex {
-    let (sigma, damped) = (1.0, libm::sqrt(99.0));
+    closed_form_of(2.0, [300.0, 2000.0, 30.0], frequency_hz)
+}
+
+/// L of `m = 1`, `k = 100` and this damping under a `pid` with these gains.
+fn closed_form_of(damping: f64, [p, i, d]: [f64; 3], frequency_hz: f64) -> Complex {
+    let sigma = 0.5 * damping;
+    let damped = libm::sqrt(100.0 - sigma * sigma);
     let (sin, cos) = libm::sincos(damped * PERIOD_S);
     let alpha = libm::exp(-sigma * PERIOD_S);
     let z1 = z(frequency_hz, 1.0);
@@ -44,9 +50,9 @@ fn closed_form(frequency_hz: f64) -> Complex {
     let (above, below) = ((z1.0 + 1.0, z1.1), (z1.0 - 1.0, z1.1));
     let integral = over(above, below);
     let derivative = over(below, z1);
-    let (k_i, k_d) = (2000.0 * 0.5 * PERIOD_S, 30.0 / PERIOD_S);
+    let (k_i, k_d) = (i * 0.5 * PERIOD_S, d / PERIOD_S);
     let law = (
-        300.0 + k_i * integral.0 + k_d * derivative.0,
+        p + k_i * integral.0 + k_d * derivative.0,
         k_i * integral.1 + k_d * derivative.1,
     );
     times(plant, law)
@@ -106,10 +112,15 @@ fn measured_by(amplitude: f64, further: &str) -> Result<Measured, String> {
 
 /// Compares every measured response with the closed form times a factor.
 fn assert_closed_form(measured: &Measured, factor: impl Fn(f64) -> Complex) {
+    assert_loop(measured, |hz| times(closed_form(hz), factor(hz)));
+}
+
+/// Compares every measured response with an expected loop.
+fn assert_loop(measured: &Measured, expected: impl Fn(f64) -> Complex) {
     assert!(measured.points.len() >= 20);
     for point in &measured.points {
         let hz = point.frequency_hz;
-        let expected = times(closed_form(hz), factor(hz));
+        let expected = expected(hz);
         let error = over((point.l.0 - expected.0, point.l.1 - expected.1), expected);
         let error = libm::hypot(error.0, error.1);
         assert!(error < 1e-5, "{hz} Hz: {:?}, not {expected:?}", point.l);
@@ -230,8 +241,26 @@ fn a_law_that_rests_at_its_limit_and_answers_half_of_the_probe_is_saturated() {
 }
 
 #[test]
-fn a_loop_without_crossover_is_refused() {
-    let fault = "[[faults]]\nkind = \"scale\"\nat_s = 0.0\n[[faults.effects]]\ntarget = \"command.force_n\"\nfactor = 0.001\n";
-    let reason = measured(fault).expect_err("a refusal");
+fn a_loop_without_crossover_has_no_phase_margin_but_the_other_figures() {
+    let further = "[plant.parameters]\ndamping_n_s_per_m = 16.0\n[controller.pid]\n\
+                   proportional_n_per_m = 30.0\nintegral_n_per_m_s = 0.0\nderivative_n_s_per_m = 3.0\n";
+    let measured = measured(further).expect("figures");
+    let expected = |hz| closed_form_of(16.0, [30.0, 0.0, 3.0], hz);
+    assert_loop(&measured, expected);
+    let reason = measured.crossover_refused.expect("a reason");
     assert!(reason.contains("no crossover"), "{reason}");
+    assert!(reason.contains("stays below 1"), "{reason}");
+    assert_eq!(measured.margins.crossover(), None);
+    let locus = (0..100_000).map(|n| expected(0.5 * libm::pow(800.0, f64::from(n) / 1e5)));
+    let locus: Vec<Complex> = locus.collect();
+    let distances = locus.iter().map(|(re, im)| libm::hypot(1.0 + re, *im));
+    let least = distances.reduce(extremes::smaller).expect("frequencies");
+    assert!((measured.margins.disc[1] / least - 1.0).abs() < 1e-4);
+    let at_turn = locus
+        .windows(2)
+        .find(|pair| pair[0].1 < 0.0 && pair[1].1 >= 0.0);
+    let expected_db = -20.0 * libm::log10(-at_turn.expect("a phase of -180 degrees")[0].0);
+    let [_, gain_db] = measured.margins.phase_crossover().expect("a gain margin");
+    assert!((gain_db - expected_db).abs() < 0.01, "{gain_db} dB");
+    assert_eq!([measured.gain_refused, measured.disc_refused], [None, None]);
 }
