@@ -100,7 +100,12 @@ impl Measurement<'_> {
         let unresolved = resolution(&all(&points)).1;
         let all: Vec<Point> = points.values().cloned().collect();
         let result = margins(&locus(&points, |point| point.l));
-        if let Some(reason) = unresolved {
+        let crossover_refused = refusal::without_crossover(&all, &result);
+        // A loop that does not answer at all has no locus.
+        let without = crossover_refused
+            .clone()
+            .filter(|_| !result.disc[1].is_finite());
+        if let Some(reason) = unresolved.or(without) {
             return Err(Stop::Refused(reason));
         }
         let mut others: Vec<Margins> = (0..WINDOWS)
@@ -111,7 +116,7 @@ impl Measurement<'_> {
         let [gain_refused, disc_refused] = refusal::figures(&all, &result);
         Ok(Measured {
             amplitude,
-            crossover_refused: refusal::without_crossover(&all, &result),
+            crossover_refused,
             points: all,
             margins: result,
             others,

@@ -143,7 +143,7 @@ pub(super) fn clipped(clipped: &Clipped, own: bool) -> String {
     let value = clipped.value;
     if clipped.is_throughout {
         return format!(
-            "saturation: the law's command stands at {value} throughout, whatever the probe does, so it is at a limit, or the law uses no signal that moves; choose another --at, or mend the loop"
+            "saturation: the law's command stands at {value} throughout, whatever the probe does, so it is at a limit, held by a fault, or the law uses no signal that moves; choose another --at, or mend the loop"
         );
     }
     let advice = match own {

@@ -264,3 +264,12 @@ fn a_loop_without_crossover_has_no_phase_margin_but_the_other_figures() {
     assert!((gain_db - expected_db).abs() < 0.01, "{gain_db} dB");
     assert_eq!([measured.gain_refused, measured.disc_refused], [None, None]);
 }
+
+#[test]
+fn a_loop_that_does_not_answer_has_no_figures() {
+    // The dead band takes the command of 300 N/m * 0.01 m = 3 N and the probe.
+    let gain = "[controller.pid]\nintegral_n_per_m_s = 0.0\n";
+    let actuator = "[[actuators]]\nsignal = \"force_n\"\ndead_band = 20.0\n";
+    let reason = measured(&format!("{gain}{actuator}")).expect_err("a refusal");
+    assert!(reason.contains("no crossover: |L| is 0.0000"), "{reason}");
+}
