@@ -11,7 +11,7 @@ mod parquet;
 mod selection;
 mod table;
 
-use std::io::{ErrorKind, IsTerminal, Write as _};
+use std::io::{ErrorKind, IsTerminal};
 use std::path::Path;
 
 use hil_console::files::destination::{Destination, not_written};
