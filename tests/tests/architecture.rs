@@ -194,6 +194,7 @@ const ARROWS: [(&str, &[&str], &[&str]); 24] = [
             "hil-in-process",
             "hil-console",
             "hil-facts",
+            "hil-recording",
             "hil-run",
             "hil-verification",
         ],
