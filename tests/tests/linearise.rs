@@ -478,7 +478,7 @@ fn python_control_opens_the_file_with_two_lines() {
 #[test]
 fn a_file_on_a_full_disk_is_named() {
     let rig = Rig::new();
-    let plant = ["linearise", SPRING_MASS, "--of", "plant", "--at", "5"];
+    let plant = ["linearise", SPRING_MASS, "--of", "plant", "--at", "1"];
     rig.hil(&[&plant[..], &["-o", "/dev/full"]].concat())
         .expect(3)
         .says(&["cannot write /dev/full", "No space left"]);
