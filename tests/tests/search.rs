@@ -163,7 +163,8 @@ fn a_narrow_valley_beside_a_wide_one_is_found() {
     let error = "measured.position_m - truth.position_m";
     let formula =
         format!("always(abs({error} - 0.01) > -0.001 and 10 * abs({error} - 0.035) > 0.004)");
-    let valleys = study(&rig, &formula, 1.0, TWO);
+    let range = TWO.to_owned() + "[search]\nruns = 1000\n";
+    let valleys = study(&rig, &formula, 1.0, &range);
     let worst = search(&rig, "worst", &valleys, "worst").expect(1).json();
     let sum = number(&worst["at"]["a"]) + number(&worst["at"]["b"]);
     assert!((sum - 0.035).abs() < 5e-5, "{worst}");
