@@ -2,6 +2,7 @@
 //!
 //! Bisection is right only where everything fails beyond the first failure, so some points in between are tried first.
 
+use super::spread::distance;
 use super::trials::{Stop, Trial, Trials};
 
 /// Neighbours on both sides of the edge.
@@ -38,11 +39,7 @@ pub(super) fn edge(trials: &mut Trials, from: &[f64], to: &[f64]) -> Result<Foun
         let pairs = from.iter().zip(to);
         pairs.map(|(from, to)| from + (to - from) * share).collect()
     };
-    let squares = from
-        .iter()
-        .zip(to)
-        .map(|(from, to)| (to - from) * (to - from));
-    let length = squares.sum::<f64>().sqrt();
+    let length = distance(from, to);
     let last = probes + 1;
     let shares: Vec<f64> = (0..=last).map(|one| one as f64 / last as f64).collect();
     let points: Vec<Vec<f64>> = shares.iter().map(|share| at(*share)).collect();

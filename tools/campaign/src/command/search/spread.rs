@@ -9,7 +9,7 @@ use crate::cmaes::CmaEs;
 
 /// Largest number of values whose corners are all tried.
 const MOST_CORNERED: usize = 4;
-/// Part of the runs that is spread over the box.
+/// One of so many runs is spread over the box.
 const SPREAD: u64 = 4;
 /// Standard deviation of the first generation, in units of the ranges: from the best point and from others.
 const STEP: f64 = 0.3;
@@ -60,31 +60,30 @@ pub(super) fn descend(
     reserve: u64,
     rank: impl Fn(&Trials, &Trial) -> f64,
 ) -> Result<Option<Trial>, Stop> {
-    let mut ranked: Vec<(f64, &Trial)> = { first.iter() }
-        .map(|one| (rank(trials, one), one))
-        .collect();
+    let ranked = first.iter().map(|one| (rank(trials, one), one));
+    let mut ranked: Vec<(f64, &Trial)> = ranked.collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
     let dimensions = trials.nominal().len() as f64;
     let near = 2.0 * libm::pow(first.len() as f64, -1.0 / dimensions);
     let mut best: Option<(f64, Trial)> = None;
-    for (place, (_, start)) in ranked.iter().enumerate() {
-        let is_near = |one: &&(f64, &Trial)| distance(&one.1.unit, &start.unit) < near;
-        let step = if place == 0 { STEP } else { NEXT_STEP };
+    for (place, start) in ranked.iter().enumerate() {
+        let is_near = |(_, one): &(f64, &Trial)| distance(&one.unit, &start.1.unit) < near;
         // Without a finite rank nothing says which way is down.
-        let is_start =
-            ranked[place].0.is_finite() && !ranked[..place].iter().any(|one| is_near(&one));
-        if place > 0 && !is_start {
+        if place > 0 && (!start.0.is_finite() || ranked[..place].iter().any(is_near)) {
             continue;
         }
-        let end = converge(trials, ranked[place], step, reserve, &rank)?;
-        if { best.as_ref() }.is_none_or(|best| end.0 < best.0) {
+        let step = if place == 0 { STEP } else { NEXT_STEP };
+        let end = converge(trials, *start, step, reserve, &rank)?;
+        let is_better = best.as_ref().is_none_or(|best| end.0 < best.0);
+        if is_better {
             best = Some(end);
         }
     }
     Ok(best.map(|(_, trial)| trial))
 }
 
-fn distance(a: &[f64], b: &[f64]) -> f64 {
+/// Returns the distance of two points.
+pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
     let squares = a.iter().zip(b).map(|(a, b)| (a - b) * (a - b));
     squares.sum::<f64>().sqrt()
 }
