@@ -6,7 +6,7 @@ use super::browser::{Play, assert_drawn, begun};
 use super::stream::held;
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, Run, until};
-use crate::support::mcap_reader::Recording;
+use crate::support::mcap_reader::{Recording, intervals};
 use crate::support::programs::shipped;
 
 /// Plays a script on the page of a recorded run; `None` without a browser.
@@ -276,17 +276,13 @@ fn a_formula_lists_and_marks_the_intervals_in_which_it_holds() {
         recording.column("truth.position_m"),
         recording.column("reference.position_m"),
     );
-    let holds = |step: usize| (truth[step] - reference[step]).abs() > 2e-3 && truth[step] < 0.011;
-    let (mut intervals, mut count): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
-    for step in (0..truth.len()).filter(|step| holds(*step)) {
-        count += 1;
-        match intervals.last_mut() {
-            Some([_, last]) if *last + 1 == step => *last = step,
-            _ => intervals.push([step, step]),
-        }
-    }
+    let both = truth.iter().zip(&reference);
+    let holds = both.map(|(truth, reference)| (truth - reference).abs() > 2e-3 && *truth < 0.011);
+    let holds: Vec<bool> = holds.collect();
+    let count = holds.iter().filter(|holds| **holds).count();
+    let intervals = intervals(0, &holds);
     assert!(!intervals.is_empty());
-    let text = |step: usize| format!("{}", step as f64 / 1000.0);
+    let text = |step: u64| format!("{}", step as f64 / 1000.0);
     let expected = intervals.iter().map(|[first, last]| match first == last {
         true => format!("{} s", text(*first)),
         false => format!("{} s to {} s", text(*first), text(*last)),

@@ -8,7 +8,7 @@ use super::browser::{Play, begun};
 use super::stream::{Client, held};
 use super::{Panel, SCENARIO};
 use crate::support::harness::{Rig, Run};
-use crate::support::mcap_reader::Recording;
+use crate::support::mcap_reader::{Recording, intervals};
 
 /// Holds in some hundred intervals, of which many are short: late accelerations are errors of rounding.
 const FORMULA: &str = "abs(tracking_error_m) > 2e-3 or truth.acceleration_mps2 > 0";
@@ -53,18 +53,6 @@ impl Answer {
         assert_eq!(self.last["steps"], count, "{}", self.last);
         assert_eq!(self.last["lost"], 0, "{}", self.last);
     }
-}
-
-/// Returns the intervals of consecutive steps, counted from a first one.
-fn intervals(first: u64, holds: &[bool]) -> Vec<[u64; 2]> {
-    let mut intervals: Vec<[u64; 2]> = Vec::new();
-    for (step, _) in (first..).zip(holds).filter(|(_, holds)| **holds) {
-        match intervals.last_mut() {
-            Some([_, last]) if *last + 1 == step => *last = step,
-            _ => intervals.push([step, step]),
-        }
-    }
-    intervals
 }
 
 /// Lets a held run go on to its end in parts.

@@ -6,7 +6,7 @@ use shared_types::extremes::larger;
 use super::page::Page;
 use crate::panel::browser::Play;
 use crate::support::harness::{Rig, Run};
-use crate::support::mcap_reader::Recording;
+use crate::support::mcap_reader::{Recording, intervals};
 use crate::support::programs::shipped;
 
 /// The teaching run, 5 s at 1 kHz: the report has three steps in a bucket, and one near what decides a margin.
@@ -198,28 +198,25 @@ fn a_formula_of_the_command_line_lists_and_marks_the_intervals_in_which_it_holds
     let recording = Recording::open(&run.recording());
     let truth = recording.column("truth.position_m");
     let reference = recording.column("reference.position_m");
-    let holds = |step: usize| (truth[step] - reference[step]).abs() > 2e-3 && truth[step] < 0.011;
-    let (mut intervals, mut count): (Vec<[usize; 2]>, usize) = (Vec::new(), 0);
-    for step in (0..truth.len()).filter(|step| holds(*step)) {
-        count += 1;
-        match intervals.last_mut() {
-            Some([_, last]) if *last + 1 == step => *last = step,
-            _ => intervals.push([step, step]),
-        }
-    }
+    let both = truth.iter().zip(&reference);
+    let holds = both.map(|(truth, reference)| (truth - reference).abs() > 2e-3 && *truth < 0.011);
+    let holds: Vec<bool> = holds.collect();
+    let count = holds.iter().filter(|holds| **holds).count();
+    let intervals = intervals(0, &holds);
     assert!(!intervals.is_empty());
-    let time = |step: usize| step as f64 / 1000.0;
+    let time = |step: u64| step as f64 / 1000.0;
     // The second formula holds nowhere.
-    let found = &page.data["where"];
+    let searches = &page.data["where"];
     assert_eq!(
-        (&found[0]["formula"], &found[1]["runs"]),
+        (&searches[0]["formula"], &searches[1]["runs"]),
         (&json!(formula), &json!([[]]))
     );
+    assert_eq!(searches[0]["count"], intervals.len());
     let spans: Vec<[f64; 2]> = intervals
         .iter()
         .map(|[a, b]| [time(*a), time(b + 1)])
         .collect();
-    assert_eq!(found[0]["runs"], json!([spans]));
+    assert_eq!(searches[0]["runs"], json!([spans]));
     let url = format!("file://{}", page.path.display());
     let Some(play) = Play::of("report_closer.py", "where", &url) else {
         return;

@@ -223,3 +223,15 @@ fn field(line: &str) -> (&str, &str) {
     let mut words = line.split_ascii_whitespace();
     (words.next().expect("a type"), words.next().expect("a name"))
 }
+
+/// Returns the intervals of consecutive steps, counted from a first one, at which something holds.
+pub(crate) fn intervals(first: u64, holds: &[bool]) -> Vec<[u64; 2]> {
+    let mut intervals: Vec<[u64; 2]> = Vec::new();
+    for (step, _) in (first..).zip(holds).filter(|(_, holds)| **holds) {
+        match intervals.last_mut() {
+            Some([_, last]) if *last + 1 == step => *last = step,
+            _ => intervals.push([step, step]),
+        }
+    }
+    intervals
+}

@@ -130,7 +130,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     let by = arguments.scenario.as_deref();
     let mut runs = side_by_side(&arguments.runs, |path| Run::of(path, by))?;
     label::label(&mut runs);
-    let found = found::find(&runs, &arguments.formulas)?;
+    let searches = found::find(&runs, &arguments.formulas)?;
     let (mut all_bounds, mut extra) = (Vec::new(), Vec::new());
     for run in &runs {
         let compared = run.plan().map(|plan| bounds(plan, run.end_s()));
@@ -155,7 +155,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     ))?;
     refuse_unknown(&patterns, &signals)?;
     let plots = plots(&runs, &signals, all_bounds, &grid, &patterns);
-    let data = data::Data::new(&runs, &signals, &grid, &plots, &found);
+    let data = data::Data::new(&runs, &signals, &grid, &plots, &searches);
     let written = Written {
         file: String::new(),
         runs: runs
@@ -167,7 +167,7 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
         bytes: 0,
     };
     let figures = figures::for_page(arguments)?;
-    let text = page::page(&runs, &plots, &found, &figures::markup(&figures), &data)?;
+    let text = page::page(&runs, &plots, &searches, &figures::markup(&figures), &data)?;
     let bytes = text.len();
     let read = runs.iter().filter(|run| run.outcome.damage.is_none());
     let caveats = read.filter_map(|run| run.outcome.reader.caveat());

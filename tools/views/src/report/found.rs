@@ -6,7 +6,7 @@ use hil_console::terminal::exit::Failure;
 use hil_recording::reader::SpanReader;
 use maud::{Markup, html};
 use serde::Serialize;
-use shared_types::number::short;
+use shared_types::number::{counted, short};
 use shared_types::time::{Rate, Step};
 
 use super::occurrences::{Occurrences, Search};
@@ -27,8 +27,10 @@ pub(super) struct Found {
 #[derive(Debug, Serialize)]
 pub(super) struct FoundData {
     formula: String,
-    /// First time and end of each interval in s, of each run.
+    /// First time and end of each interval in s, of each run, as many as are listed.
     runs: Vec<Vec<[f64; 2]>>,
+    /// Number of all intervals.
+    count: u64,
 }
 
 /// Refuses more formulas than a page can show.
@@ -99,6 +101,7 @@ impl Found {
         FoundData {
             formula: self.formula.clone(),
             runs: self.runs.iter().zip(runs).map(of_run).collect(),
+            count: self.runs.iter().map(|one| one.count).sum(),
         }
     }
 }
@@ -136,7 +139,7 @@ fn interval(ends: &[u64; 2], rate: Rate) -> Markup {
             button type="button" data-from=(from_s) data-until=(until_s) {
                 (seconds(from_s)) " s" @if steps > 1 { " to " (seconds(last_s)) " s" }
             }
-            " " span.hint { (steps) " step" @if steps > 1 { "s" } }
+            " " span.hint { (counted(steps, "step")) }
         }
     }
 }
@@ -147,11 +150,13 @@ fn summary(one: &Occurrences) -> String {
         return format!("nowhere in {judged} steps");
     }
     let share = short(100.0 * one.steps as f64 / judged as f64);
-    let plural = if count == 1 { "" } else { "s" };
     let listed = one.intervals.len();
     let rest = match listed as u64 == count {
         true => String::new(),
         false => format!("; the first {listed} are listed"),
     };
-    format!("{count} interval{plural}, {share} % of {judged} steps{rest}")
+    format!(
+        "{}, {share} % of {judged} steps{rest}",
+        counted(count, "interval")
+    )
 }

@@ -103,6 +103,24 @@ const areaOf = (u, { least, greatest }, { from, to, slot, begin, end, isLog = fa
   close();
   return area;
 };
+// Begin and width of a mark for each interval of time in order, at least so wide; what lies within the mark before has
+// none of its own.
+const marksOf = (u, times, least) => {
+  const { left, width } = u.bbox;
+  const { min, max } = u.scales.x;
+  const x = (time) => left + ((time - min) * width) / (max - min);
+  const marks = [];
+  let edge = left;
+  for (const [from_s, until_s] of times) {
+    const from = Math.max(x(from_s), left);
+    const to = Math.min(Math.max(x(until_s), from + least), left + width);
+    if (to <= edge) continue;
+    const begin = Math.max(from, edge);
+    marks.push([begin, to - begin]);
+    edge = to;
+  }
+  return marks;
+};
 // The least and the greatest number of stretches, for a logarithmic scale of their sizes; infinite ones do not count.
 const reachOf = ({ least, greatest }, { from, to, slot, isLog = false }, [min, max] = [Infinity, -Infinity]) => {
   for (let nth = from; nth <= to; nth++) {

@@ -336,19 +336,11 @@ class Plot {
   names(u) {
     within(u, (ctx, { left, top, width, height }, ratio) => {
       ctx.fillStyle = ink.found;
-      const { min, max } = u.scales.x;
-      const x = (time) => left + ((time - min) * width) / (max - min);
-      // What lies within the width of the mark before is marked.
-      let edge = left;
-      for (const [first, last] of marked) {
-        const from = Math.max(x(first * period()), left);
-        const to = Math.min(Math.max(x((last + 1) * period()), from + 2 * ratio), left + width);
-        if (to <= edge) continue;
-        const begin = Math.max(from, edge);
-        edge = to;
-        ctx.fillRect(begin, top + height - 6 * ratio, to - begin, 6 * ratio);
+      const times = marked.map(([first, last]) => [first * period(), (last + 1) * period()]);
+      for (const [from, wide] of marksOf(u, times, 2 * ratio)) {
+        ctx.fillRect(from, top + height - 6 * ratio, wide, 6 * ratio);
         ctx.globalAlpha = 0.12;
-        ctx.fillRect(begin, top, to - begin, height);
+        ctx.fillRect(from, top, wide, height);
         ctx.globalAlpha = 1;
       }
       ctx.font = `${11 * ratio}px system-ui, sans-serif`;

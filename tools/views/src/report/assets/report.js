@@ -314,21 +314,11 @@
     // Where the formulas of the command line hold, along the lower edge: a row for each, in each run.
     where(u) {
       const rows = data.where.flatMap(({ runs }) => runs.map((intervals, run) => ({ intervals, run })));
-      within(u, (ctx, { left, top, width, height }, ratio) => {
-        const { min, max } = u.scales.x;
-        const x = (time) => left + ((time - min) * width) / (max - min);
+      within(u, (ctx, { top, height }, ratio) => {
         const high = Math.min(6, 60 / rows.length) * ratio;
         rows.forEach(({ intervals, run }, row) => {
           ctx.fillStyle = isOverlaid ? ink.series[run % 8] : ink.found;
-          // What lies within the width of the mark before is marked.
-          let edge = left;
-          for (const [from_s, until_s] of intervals) {
-            const from = Math.max(x(from_s), left);
-            const to = Math.min(Math.max(x(until_s), from + 2 * ratio), left + width);
-            if (to <= edge) continue;
-            ctx.fillRect(Math.max(from, edge), top + height - high * (row + 1), to - Math.max(from, edge), 0.8 * high);
-            edge = to;
-          }
+          for (const [from, wide] of marksOf(u, intervals, 2 * ratio)) ctx.fillRect(from, top + height - high * (row + 1), wide, 0.8 * high);
         });
       });
     }
@@ -581,8 +571,7 @@
     for (const heading of document.querySelectorAll("main section[id] > h2")) add("section", heading.textContent, "", () => heading.scrollIntoView());
     add("action", "Whole run", "Home", () => axis.all());
     add("action", "Clear the cursors", "c", () => cursors.clear());
-    for (const { formula, runs } of data.where) {
-      const count = runs.flat().length;
+    for (const { formula, count } of data.where) {
       add("where", formula, `${count} interval${count === 1 ? "" : "s"}`, () => byId("where").scrollIntoView());
     }
     add("action", "Where does a formula hold", "hil report RUN --where 'FORMULA'", () => tell("hil report RUN --where 'FORMULA' lists where a formula holds; hil panel RUN searches for others"));
