@@ -73,8 +73,10 @@ impl<L: Link, S: RecordSink> Engine<L, S> {
     /// Makes a run without a log of its own: what happens to its controllers is in its recording alone.
     #[must_use]
     pub fn without_log(self) -> Self {
-        let has_log = false;
-        Self { has_log, ..self }
+        Self {
+            has_log: false,
+            ..self
+        }
     }
 
     /// Takes the reason of a controller in this process that has failed, which its last frame cannot carry.

@@ -1,4 +1,4 @@
-//! What a panel draws behind its curves: another recorded run, or the band of a baseline.
+//! Background of a panel's curves: another recorded run, or the band of a baseline.
 //!
 //! Opened before the page. The band of a baseline is drawn along its recording or, without one, as the range of its
 //! whole run, and the page says which.

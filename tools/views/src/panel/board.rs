@@ -44,7 +44,7 @@ pub(crate) struct Board {
     /// Newest records, for searches.
     pub(super) kept: KeptRecords,
     pub(super) buttons: Vec<Button>,
-    /// What is drawn behind the curves.
+    /// Background of the curves.
     backdrop: Option<Backdrop>,
     /// Initial width of the time axis in s.
     pub(super) window_s: f64,

@@ -31,7 +31,7 @@ pub(crate) struct Keeper {
     own: Mutex<Own>,
 }
 
-/// What this panel has written.
+/// Text that this panel has written.
 #[derive(Default)]
 struct Own {
     /// Hash of the file's text, which replaces the recorded one.
@@ -216,10 +216,10 @@ impl Subject {
             });
         }
         let of_scenario = list("plots").filter(|plot| plot["section"] == "Figures");
-        let shown = of_scenario
+        let titles_before = of_scenario
             .filter_map(|plot| plot["title"].as_str())
             .map(Into::into);
-        let shown: Vec<String> = shown.chain(titles.iter().cloned()).collect();
+        let titles_before: Vec<String> = titles_before.chain(titles.iter().cloned()).collect();
         // Signals of plots at first that are in none now, and that another plot would bring back.
         let of_first =
             list("plots").flat_map(|plot| plot["signals"].as_array().into_iter().flatten());
@@ -232,7 +232,7 @@ impl Subject {
             is_all: of_first.any(is_removed),
             law: self.run.plan.controller.law.clone(),
             plots: kept,
-            shown,
+            titles_before,
         };
         Ok((arrangement, left_out))
     }

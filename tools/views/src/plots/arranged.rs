@@ -34,8 +34,8 @@ pub(crate) struct Arranged {
 #[derive(Clone, Debug)]
 pub(crate) struct Arrangement {
     pub plots: Vec<Arranged>,
-    /// Titles of the plots of the scenario that were shown: those that are not among `plots` were removed.
-    pub shown: Vec<String>,
+    /// Titles of the plots of the scenario before: those that are not among `plots` were removed.
+    pub titles_before: Vec<String>,
     /// `true` if no further plots may follow, because a signal was removed from all of them.
     pub is_all: bool,
     /// Law of the run: the law of plots with signals that only this law is known to have.
@@ -80,12 +80,12 @@ impl Arrangement {
             let table = place.and_then(|place| before[place].take());
             plots.push(self.table(one, table));
         }
-        let was_shown = |table: &Table| {
+        let was_there = |table: &Table| {
             let title = title_of(table).filter(|_| self.is_of(table));
-            title.is_some_and(|title| self.shown.contains(title))
+            title.is_some_and(|title| self.titles_before.contains(title))
         };
         (before.into_iter().flatten())
-            .filter(|table| !was_shown(table))
+            .filter(|table| !was_there(table))
             .for_each(|table| plots.push(table));
         (plots.iter_mut()).for_each(|table| table.set_position(Some(position)));
         document.remove(PLOTS);
@@ -104,7 +104,7 @@ impl Arrangement {
         let place = |title: &String| {
             tables.iter().position(|table| {
                 let table = table.as_ref().filter(|table| self.is_of(table));
-                table.and_then(title_of) == Some(title) && self.shown.contains(title)
+                table.and_then(title_of) == Some(title) && self.titles_before.contains(title)
             })
         };
         one.was
@@ -253,7 +253,7 @@ name = \"r\"
     fn arrangement(plots: Vec<Arranged>) -> Arrangement {
         Arrangement {
             plots,
-            shown: vec!["Position".into(), "Force".into()],
+            titles_before: vec!["Position".into(), "Force".into()],
             is_all: false,
             law: "pid".into(),
         }
@@ -357,7 +357,7 @@ signals = [\"command.u_n\"]
             text,
             format!("{plain}\n[[plots]]\ntitle = \"A\"\nsignals = [\"truth.x_m\"]\n")
         );
-        arranged.shown = vec!["A".into()];
+        arranged.titles_before = vec!["A".into()];
         // Written before by this hand: it is found by its title.
         assert_eq!(arranged.in_scenario(&text).expect("TOML"), text);
         arranged.plots.clear();
