@@ -107,9 +107,9 @@ class Recording:
             elif opcode == Opcode.MESSAGE_INDEX:
                 channel, index_bytes = INDEX.unpack(file.read(INDEX.size))
                 if self._chunks:
-                    # Two words for each message.
-                    is_own = channel == self._records_channel
-                    records = index_bytes // 16 if is_own else self._chunks[-1].records or 0
+                    # Two words for each message. A list that is longer than its record matches no chunk.
+                    listed = index_bytes // 16 if index_bytes <= length else 0
+                    records = listed if channel == self._records_channel else self._chunks[-1].records or 0
                     self._chunks[-1] = self._chunks[-1]._replace(records=records)
             elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.METADATA, Opcode.ATTACHMENT):
                 self._take(opcode, file.read(length))
