@@ -52,10 +52,17 @@ fn the_shipped_study_tries_every_kind_of_fault_under_every_law_and_no_run_is_los
 
 #[test]
 fn no_fault_ends_a_process_abnormally_or_lets_nan_pass_as_valid() {
+    let number = LAWS.len();
+    // Each kind under one law, and each law in turn; all of them in `long`.
+    assert_sound(|case| case % number == case / number % number);
+}
+
+/// Runs the cases that are wanted, each by itself, and examines their recordings.
+fn assert_sound(is_wanted: impl Fn(usize) -> bool) {
     let rig = Rig::new();
     let planned = short(&rig);
-    let rows = rows_of_plan(&planned);
-    for (case, about) in rows {
+    let rows = rows_of_plan(&planned).into_iter();
+    for (case, about) in rows.filter(|(case, _)| is_wanted(*case)) {
         let out = rig.path(&format!("case{case}"));
         let number = case.to_string();
         let run = campaign(
@@ -126,5 +133,14 @@ fn assert_numbers(recording: &Recording, about: &str) {
                 record.step()
             );
         }
+    }
+}
+
+/// `.ci/run long`.
+mod long {
+    #[test]
+    #[ignore = "long: .ci/run long"]
+    fn no_fault_under_any_law_ends_a_process_abnormally_or_lets_nan_pass_as_valid() {
+        super::assert_sound(|_| true);
     }
 }
