@@ -597,36 +597,35 @@ AXE = """async () => {
 
 
 def accessible(desk):
-    """What axe-core finds on a desk and a phone, light and dark: at first, with cursors and a hidden curve, with the list."""
+    """What axe-core finds on a light desk and a dark phone: at first, with cursors and a hidden curve, with the list."""
     with open(os.environ["AXE"], encoding="utf-8") as file:
         axe = file.read()
     result = {"broken": [], "overflow": [], "dashes": []}
-    for width, height in ((1280, 800), (390, 844)):
-        for scheme in ("light", "dark"):
-            page = desk.open(viewport={"width": width, "height": height}, color_scheme=scheme)
-            page.wait_for_selector("figure.plot canvas")
-            wait(page, "document.documentElement.dataset.state !== undefined")
-            page.evaluate(axe)
+    for width, height, scheme in ((1280, 800, "light"), (390, 844, "dark")):
+        page = desk.open(viewport={"width": width, "height": height}, color_scheme=scheme)
+        page.wait_for_selector("figure.plot canvas")
+        wait(page, "document.documentElement.dataset.state !== undefined")
+        page.evaluate(axe)
 
-            def look(name):
-                result["broken"] += [f"{width} {scheme} {name}: {one}" for one in page.evaluate(AXE)]
-                result["overflow"].append(page.evaluate(OVERFLOW))
-                if len(sys.argv) > 4:
-                    page.screenshot(path=f"{sys.argv[4]}/{width}-{scheme}-{name}.png")
+        def look(name):
+            result["broken"] += [f"{width} {scheme} {name}: {one}" for one in page.evaluate(AXE)]
+            result["overflow"].append(page.evaluate(OVERFLOW))
+            if len(sys.argv) > 4:
+                page.screenshot(path=f"{sys.argv[4]}/{width}-{scheme}-{name}.png")
 
-            look("first")
-            page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
-            page.locator(".legend button").first.press("Enter")
-            page.locator("figure.plot").first.focus()
-            for key in "eab>":
-                page.keyboard.press(key)
-            page.wait_for_selector("#figures tr")
-            look("cursors")
-            page.keyboard.press("Control+k")
-            page.wait_for_selector("#found li")
-            look("palette")
-            result["dashes"].append(page.evaluate("[...document.querySelectorAll('.legend')].map((one) => [...one.querySelectorAll('line')].map((line) => line.getAttribute('stroke-dasharray')))"))
-            desk.close(page)
+        look("first")
+        page.evaluate("for (const one of document.querySelectorAll('details')) one.open = true")
+        page.locator(".legend button").first.press("Enter")
+        page.locator("figure.plot").first.focus()
+        for key in "eab>":
+            page.keyboard.press(key)
+        page.wait_for_selector("#figures tr")
+        look("cursors")
+        page.keyboard.press("Control+k")
+        page.wait_for_selector("#found li")
+        look("palette")
+        result["dashes"].append(page.evaluate("[...document.querySelectorAll('.legend')].map((one) => [...one.querySelectorAll('line')].map((line) => line.getAttribute('stroke-dasharray')))"))
+        desk.close(page)
     return result
 
 

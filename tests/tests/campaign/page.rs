@@ -204,14 +204,14 @@ fn a_campaign_page_draws_without_scrolling_and_not_by_colour_alone() {
 }
 
 #[test]
-fn a_campaign_page_breaks_no_rule_of_accessibility_in_light_and_dark_and_on_a_phone() {
+fn a_campaign_page_breaks_no_rule_of_accessibility_on_a_light_desk_and_a_dark_phone() {
     let rig = Rig::new();
     let demo = Planned::completed(&rig);
     let page = rig
         .hil(&["report", text(&demo), "-o", "-"])
         .expect(0)
         .stdout;
-    for (width, dark) in [(1280, false), (1280, true), (500, false)] {
+    for (width, dark) in [(1280, false), (500, true)] {
         let Some(broken) = broken(&rig, &page, width, dark) else {
             return;
         };

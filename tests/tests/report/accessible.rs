@@ -1,4 +1,4 @@
-//! Pages that everybody can read and operate, as axe-core sees them: in light and dark, wide and on a phone.
+//! Pages that everybody can read and operate, as axe-core sees them: on a light desk and a dark phone.
 
 use std::path::Path;
 
@@ -66,14 +66,14 @@ pub(crate) fn broken(rig: &Rig, page: &str, width: u32, dark: bool) -> Option<Ve
 }
 
 #[test]
-fn a_report_breaks_no_rule_of_accessibility_in_light_and_dark_and_on_a_phone() {
+fn a_report_breaks_no_rule_of_accessibility_on_a_light_desk_and_a_dark_phone() {
     let rig = Rig::new();
     let scenario = spike_scenario(&rig);
     let run = rig.run(scenario.to_str().expect("text")).expect(1);
     let one = Page::of(&rig, &[&run], &[]).text;
     let two = Page::of(&rig, &[&run, &run], &[]).text;
     for page in [&one, &two] {
-        for (width, dark) in [(1280, false), (1280, true), (500, false)] {
+        for (width, dark) in [(1280, false), (500, true)] {
             let Some(broken) = broken(&rig, page, width, dark) else {
                 return;
             };
