@@ -79,8 +79,3 @@ pub(super) fn on_another_processor(scenario: &str) {
         assert_eq!(there["digest"], here["digest"], "{law}");
     }
 }
-
-#[test]
-fn the_same_source_for_another_processor_has_the_same_digest() {
-    on_another_processor("tests/scenarios/leakage.toml");
-}
