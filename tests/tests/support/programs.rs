@@ -209,9 +209,13 @@ pub(crate) fn path_from(folder: &Path) -> OsString {
     std::env::join_paths(folders).expect("plain names")
 }
 
-/// Finds a Chromium.
+/// Finds a Chromium, one without windows first: it starts in half the processor time.
 pub(crate) fn chromium() -> Option<&'static str> {
-    let paths = ["/usr/bin/chromium", "/usr/bin/chromium-browser"];
+    let paths = [
+        "/usr/bin/chromium-headless-shell",
+        "/usr/bin/chromium",
+        "/usr/bin/chromium-browser",
+    ];
     paths.into_iter().find(|path| Path::new(path).exists())
 }
 
