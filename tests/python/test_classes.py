@@ -20,6 +20,7 @@ import time
 import unittest
 import weakref
 from dataclasses import dataclass
+from unittest import mock
 
 CLONE = pathlib.Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(CLONE / "tools" / "python"))
@@ -109,7 +110,9 @@ class Classes(unittest.TestCase):
 
         values = {"run.on_controller_loss": "hold"}
         Steps.error = ZeroDivisionError("no gain")
-        with hil.Session(SPRING, law=law(Steps), set=values) as session:
+        # pytest sets a hook of its own.
+        python_hook = mock.patch.object(sys, "unraisablehook", sys.__unraisablehook__)
+        with hil.Session(SPRING, law=law(Steps), set=values) as session, python_hook:
             with contextlib.redirect_stderr(io.StringIO()) as errors, file_descriptor_2() as native:
                 session.step_to()
                 native.seek(0)
