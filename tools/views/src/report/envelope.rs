@@ -210,7 +210,8 @@ pub(super) struct Bucket {
     greatest: Vec<f64>,
     values: Vec<f64>,
     squares: Vec<f64>,
-    counts: Vec<u32>,
+    /// As wide as the values, so that the compiler handles several signals at once.
+    counts: Vec<u64>,
 }
 
 impl Bucket {
@@ -227,22 +228,18 @@ impl Bucket {
 
     /// Adds a value of each signal; NaN is ignored.
     pub(super) fn take(&mut self, values: &[f64]) {
-        // A comparison with NaN is false.
-        for (least, &value) in self.least.iter_mut().zip(values) {
-            *least = if value < *least { value } else { *least };
-        }
-        for (greatest, &value) in self.greatest.iter_mut().zip(values) {
-            *greatest = if value > *greatest { value } else { *greatest };
-        }
+        let ends = self.least.iter_mut().zip(&mut self.greatest);
         let sums = self.values.iter_mut().zip(&mut self.squares);
-        for ((sum, squares), &value) in sums.zip(values) {
+        let own = ends.zip(sums).zip(&mut self.counts);
+        for ((((least, greatest), (sum, squares)), count), &value) in own.zip(values) {
+            // A comparison with NaN is false.
+            *least = if value < *least { value } else { *least };
+            *greatest = if value > *greatest { value } else { *greatest };
+            *count += u64::from(!value.is_nan());
             // A sum of positive zero and other numbers is never negative zero, so zero changes nothing.
             let value = if value.is_nan() { 0.0 } else { value };
             *sum += value;
             *squares += value * value;
-        }
-        for (count, value) in self.counts.iter_mut().zip(values) {
-            *count += u32::from(!value.is_nan());
         }
     }
 
@@ -255,7 +252,7 @@ impl Bucket {
                 envelope.sums[bucket] = Sums {
                     values: self.values[signal],
                     squares: self.squares[signal],
-                    count: self.counts[signal],
+                    count: self.counts[signal] as u32,
                 };
             }
         }
