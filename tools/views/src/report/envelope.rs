@@ -56,7 +56,7 @@ pub(crate) enum Written {
         is_double: bool,
         /// Minimum of each bucket.
         least: String,
-        /// Maximum of each bucket; empty if each bucket has one step, so that both are equal.
+        /// Maximum of each bucket of several values; empty if minimum and maximum are equal in all buckets.
         greatest: String,
         /// For each bucket with different values, where the mean is between minimum and maximum, and the standard
         /// deviation as a part of half their distance: two integers of 16 bits with [`PARTS`] for 1.
@@ -165,13 +165,14 @@ impl Envelope {
         let is_double = self.is_double();
         let is_thin =
             (self.least.iter().zip(&self.greatest)).all(|(a, b)| a.to_bits() == b.to_bits());
+        let wide: Vec<f64> = (self.greatest.iter().zip(self.counts()))
+            .filter(|(_, count)| *count > 1 && !is_thin)
+            .map(|(greatest, _)| *greatest)
+            .collect();
         Written::Values {
             is_double,
             least: text_of(&self.least, is_double),
-            greatest: match is_thin {
-                true => String::new(),
-                false => text_of(&self.greatest, is_double),
-            },
+            greatest: text_of(&wide, is_double),
             sums: STANDARD.encode(self.moments(is_double)),
         }
     }
@@ -380,7 +381,7 @@ mod tests {
         let expected = Written::Values {
             is_double: false,
             least: "AACAPwAAgD8=".into(),
-            greatest: "AACAPwAAAEA=".into(),
+            greatest: "AAAAQA==".into(),
             sums: "/3/+/w==".into(),
         };
         assert_eq!(envelope.written(), expected);
