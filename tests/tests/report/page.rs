@@ -69,7 +69,8 @@ impl Page {
 
     /// Returns the minimum and maximum of each bucket.
     pub(super) fn envelope(&self, run: usize, signal: &str) -> (Vec<f32>, Vec<f32>) {
-        let signal = &self.data["runs"][run]["signals"][signal];
+        let run_data = &self.data["runs"][run];
+        let signal = &run_data["signals"][signal];
         if let Some(same) = signal["same"].as_str() {
             return self.envelope(run, same);
         }
@@ -95,12 +96,35 @@ impl Page {
                     .collect(),
             }
         };
-        let (least, greatest) = (numbers("least"), numbers("greatest"));
-        match greatest.is_empty() {
-            true => (least.clone(), least),
-            false => (least, greatest),
+        let (least, wide) = (numbers("least"), numbers("greatest"));
+        if wide.is_empty() {
+            return (least.clone(), least);
         }
+        let records = repeated(&run_data["counts"]);
+        let missing = match &signal["missing"] {
+            Value::Null => vec![0; records.len()],
+            pairs => repeated(pairs),
+        };
+        // A bucket of one value has it as both.
+        let mut wide = wide.into_iter();
+        let greatest = (least.iter().zip(records.iter().zip(missing)))
+            .map(|(least, (records, missing))| match records - missing {
+                0 | 1 => *least,
+                _ => wide.next().expect("one for each bucket of several values"),
+            })
+            .collect();
+        assert_eq!(wide.next(), None, "of {signal}");
+        (least, greatest)
     }
+}
+
+/// Returns the numbers written as pairs of number and how often it follows.
+fn repeated(pairs: &Value) -> Vec<u64> {
+    let pairs = pairs.as_array().expect("pairs").iter();
+    let times = |pair: &Value| pair[1].as_u64().expect("a number") as usize;
+    pairs
+        .flat_map(|pair| vec![pair[0].as_u64().expect("a number"); times(pair)])
+        .collect()
 }
 
 /// Decodes base 64 by its definition (RFC 4648).

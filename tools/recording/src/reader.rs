@@ -33,6 +33,7 @@ pub use content::FileEnd;
 use content::{Content, ContentError};
 pub use error::ReadError;
 pub use schema::Column;
+use span::MESSAGE_BYTES;
 pub use span::SpanReader;
 pub(crate) use vouched::VOUCHED;
 pub use vouched::{UNVOUCHED, Unvouched};
@@ -71,7 +72,8 @@ pub struct RunReader {
 
 /// Item of the file.
 enum Next {
-    Record,
+    /// Record of a step.
+    Record(u64),
     Event(Box<Event>),
     /// Content that was stored or is irrelevant.
     Other,
@@ -236,6 +238,32 @@ impl RunReader {
     /// # Errors
     /// If the file cannot be read.
     pub fn advance(&mut self) -> Result<bool, ReadError> {
+        let is_record = self.advance_to_record()?;
+        if is_record {
+            self.words.clear();
+            self.words.extend(words_of(&self.content));
+            if self.is_hashing {
+                self.digest.record(&self.words[..self.hashed_words]);
+            }
+        }
+        Ok(is_record)
+    }
+
+    /// Reads the next record into a batch, behind the words that it has; returns `false` at the end. The record is
+    /// neither the current one nor part of the digest.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn advance_into(&mut self, batch: &mut Vec<u64>) -> Result<bool, ReadError> {
+        let is_record = self.advance_to_record()?;
+        if is_record {
+            batch.extend(words_of(&self.content));
+        }
+        Ok(is_record)
+    }
+
+    /// Reads the events up to the next record, and checks its step; returns `false` at the end.
+    fn advance_to_record(&mut self) -> Result<bool, ReadError> {
         self.events.clear();
         loop {
             match self.next()? {
@@ -247,8 +275,7 @@ impl RunReader {
                     }
                     self.events.push(*event);
                 }
-                Next::Record => {
-                    let step = self.step();
+                Next::Record(step) => {
                     if step < self.next_step || step > LAST_STEP {
                         let next = self.next_step;
                         return Err(self.damaged(format!(
@@ -256,9 +283,6 @@ impl RunReader {
                         )));
                     }
                     self.next_step = step + 1;
-                    if self.is_hashing {
-                        self.digest.record(&self.words[..self.hashed_words]);
-                    }
                     self.records += 1;
                     return Ok(true);
                 }
@@ -272,10 +296,10 @@ impl RunReader {
         &self.words
     }
 
-    /// Returns the step of the current record.
+    /// Returns the step of the last record; 0 before the first one.
     #[must_use]
-    pub fn step(&self) -> u64 {
-        self.words[0]
+    pub const fn step(&self) -> u64 {
+        self.next_step.saturating_sub(1)
     }
 
     /// Returns the events between the previous record and this one; at the end, those after the last record.
@@ -388,11 +412,10 @@ impl RunReader {
             }
             Record::Message { header, data } => match self.channels.get(&header.channel_id) {
                 Some(None) if data.len() == ENCAPSULATION.len() + 8 * self.columns.len() => {
-                    let words = data[ENCAPSULATION.len()..].as_chunks::<8>().0;
-                    self.words.clear();
-                    self.words
-                        .extend(words.iter().map(|word| u64::from_le_bytes(*word)));
-                    return Ok(Next::Record);
+                    let step = data[ENCAPSULATION.len()..].first_chunk();
+                    return Ok(Next::Record(
+                        step.map_or(0, |step| u64::from_le_bytes(*step)),
+                    ));
                 }
                 Some(None) => {
                     let bytes = data.len();
@@ -434,6 +457,12 @@ impl RunReader {
         let at = self.content.position();
         self.broken(ContentError::Damaged { at, what })
     }
+}
+
+/// Decodes the words of the record that a file is at.
+fn words_of(content: &Content) -> impl Iterator<Item = u64> {
+    let (words, _) = content.data()[MESSAGE_BYTES + ENCAPSULATION.len()..].as_chunks();
+    words.iter().map(|word| u64::from_le_bytes(*word))
 }
 
 /// Returns the folder of a run, given the folder or its recording.

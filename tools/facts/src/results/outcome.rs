@@ -119,8 +119,8 @@ fn collect(
         let taking = scope.spawn(take);
         let (mut messages, mut batch) = (0, Batch::default());
         let damage = loop {
-            let advanced = reader.advance();
             let number = batch.words.len() / width;
+            let advanced = reader.advance_into(&mut batch.words);
             messages += reader.events().len() as u64;
             let events = reader.events().iter().cloned();
             batch.events.extend(events.map(|event| (number, event)));
@@ -130,7 +130,6 @@ fn collect(
                 Err(error) => break Some(error),
             }
             messages += 1;
-            batch.words.extend_from_slice(reader.words());
             if batch.words.len() >= BATCH_WORDS {
                 let next = empty.try_recv().unwrap_or_default();
                 // The other thread ends before this one only by a panic, which is passed on below.

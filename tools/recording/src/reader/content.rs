@@ -192,7 +192,7 @@ impl Content {
     }
 
     /// Returns the content of the current record.
-    fn data(&self) -> &[u8] {
+    pub(super) fn data(&self) -> &[u8] {
         match &self.current {
             Current::Outside => &self.outside,
             Current::InChunk(range) => &self.chunk[range.clone()],

@@ -77,6 +77,26 @@ fn a_recording_is_read_back_unchanged() {
 }
 
 #[test]
+fn records_are_read_into_a_batch_behind_one_another() {
+    let contents = [
+        Content::Record(record(0, 0.5, 2.0)),
+        Content::Event(taken(1)),
+        Content::Record(record(1, -0.0, f64::NAN)),
+    ];
+    let folder = recorded(&layout(), &contents, vec![]);
+    let mut reader = RunReader::open(&folder).expect("opens");
+    let mut batch = vec![7];
+    assert!(reader.advance_into(&mut batch).expect("read"));
+    assert_eq!((reader.step(), reader.events()), (0, &[][..]));
+    assert!(reader.advance_into(&mut batch).expect("read"));
+    assert_eq!((reader.step(), reader.events()), (1, &[taken(1)][..]));
+    assert!(!reader.advance_into(&mut batch).expect("read"));
+    assert_eq!((reader.step(), reader.records()), (1, 2));
+    let expected = [record(0, 0.5, 2.0), record(1, -0.0, f64::NAN)].concat();
+    assert_eq!(batch, [&[7], &expected[..]].concat());
+}
+
+#[test]
 fn a_truncated_file_is_read_as_far_as_it_goes() {
     let contents: Vec<Content> = (0..2000)
         .map(|step| Content::Record(record(step, step as f64, 0.0)))
@@ -138,6 +158,7 @@ fn steps_out_of_order_or_out_of_range_are_damage() {
             error.contains("is damaged at byte ") && error.contains(message),
             "{error}"
         );
+        assert_eq!((reader.step(), reader.records()), (3, 1), "{name}");
     }
 }
 

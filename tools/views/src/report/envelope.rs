@@ -56,7 +56,7 @@ pub(crate) enum Written {
         is_double: bool,
         /// Minimum of each bucket.
         least: String,
-        /// Maximum of each bucket; empty if each bucket has one step, so that both are equal.
+        /// Maximum of each bucket of several values; empty if minimum and maximum are equal in all buckets.
         greatest: String,
         /// For each bucket with different values, where the mean is between minimum and maximum, and the standard
         /// deviation as a part of half their distance: two integers of 16 bits with [`PARTS`] for 1.
@@ -165,13 +165,14 @@ impl Envelope {
         let is_double = self.is_double();
         let is_thin =
             (self.least.iter().zip(&self.greatest)).all(|(a, b)| a.to_bits() == b.to_bits());
+        let wide: Vec<f64> = (self.greatest.iter().zip(self.counts()))
+            .filter(|(_, count)| *count > 1 && !is_thin)
+            .map(|(greatest, _)| *greatest)
+            .collect();
         Written::Values {
             is_double,
             least: text_of(&self.least, is_double),
-            greatest: match is_thin {
-                true => String::new(),
-                false => text_of(&self.greatest, is_double),
-            },
+            greatest: text_of(&wide, is_double),
             sums: STANDARD.encode(self.moments(is_double)),
         }
     }
@@ -210,7 +211,8 @@ pub(super) struct Bucket {
     greatest: Vec<f64>,
     values: Vec<f64>,
     squares: Vec<f64>,
-    counts: Vec<u32>,
+    /// As wide as the values, so that the compiler handles several signals at once.
+    counts: Vec<u64>,
 }
 
 impl Bucket {
@@ -227,22 +229,18 @@ impl Bucket {
 
     /// Adds a value of each signal; NaN is ignored.
     pub(super) fn take(&mut self, values: &[f64]) {
-        // A comparison with NaN is false.
-        for (least, &value) in self.least.iter_mut().zip(values) {
-            *least = if value < *least { value } else { *least };
-        }
-        for (greatest, &value) in self.greatest.iter_mut().zip(values) {
-            *greatest = if value > *greatest { value } else { *greatest };
-        }
+        let ends = self.least.iter_mut().zip(&mut self.greatest);
         let sums = self.values.iter_mut().zip(&mut self.squares);
-        for ((sum, squares), &value) in sums.zip(values) {
+        let own = ends.zip(sums).zip(&mut self.counts);
+        for ((((least, greatest), (sum, squares)), count), &value) in own.zip(values) {
+            // A comparison with NaN is false.
+            *least = if value < *least { value } else { *least };
+            *greatest = if value > *greatest { value } else { *greatest };
+            *count += u64::from(!value.is_nan());
             // A sum of positive zero and other numbers is never negative zero, so zero changes nothing.
             let value = if value.is_nan() { 0.0 } else { value };
             *sum += value;
             *squares += value * value;
-        }
-        for (count, value) in self.counts.iter_mut().zip(values) {
-            *count += u32::from(!value.is_nan());
         }
     }
 
@@ -255,7 +253,7 @@ impl Bucket {
                 envelope.sums[bucket] = Sums {
                     values: self.values[signal],
                     squares: self.squares[signal],
-                    count: self.counts[signal],
+                    count: self.counts[signal] as u32,
                 };
             }
         }
@@ -383,7 +381,7 @@ mod tests {
         let expected = Written::Values {
             is_double: false,
             least: "AACAPwAAgD8=".into(),
-            greatest: "AACAPwAAAEA=".into(),
+            greatest: "AAAAQA==".into(),
             sums: "/3/+/w==".into(),
         };
         assert_eq!(envelope.written(), expected);

@@ -25,8 +25,11 @@ impl TimingPlaces {
 
     /// Returns the timing in a record.
     pub fn timing(&self, record: &[u64]) -> Timing {
-        let word = |place: Option<usize>| place.map_or(0, |place| record[place]);
-        let words = self.0.map(word);
+        // A loop: `map` of an array as long as this calls a function for each word.
+        let mut words = [0; Timing::WORDS];
+        for (word, place) in words.iter_mut().zip(&self.0) {
+            *word = place.map_or(0, |place| record[place]);
+        }
         Timing::read_from_bytes(words.as_bytes()).expect("as many words as names")
     }
 }

@@ -40,10 +40,12 @@
       found = signalOf(run, written.same);
     } else if (written) {
       const { is_double, value } = written;
+      const own = written.missing ? countsOf(written.missing).map((missing, i) => counts[run][i] - missing) : counts[run];
       const least = value !== undefined ? new Float64Array(buckets).fill(value) : numbersOf(written.least, is_double);
-      const greatest = written.greatest ? numbersOf(written.greatest, is_double) : least;
-      found = { least, greatest, sums: written.sums, is_double: is_double !== false, counts: counts[run] };
-      if (written.missing) found.counts = countsOf(written.missing).map((missing, i) => counts[run][i] - missing);
+      // A bucket of one value has it as both.
+      const wide = written.greatest ? numbersOf(written.greatest, is_double).values() : undefined;
+      const greatest = wide ? least.map((only, i) => (own[i] > 1 ? wide.next().value : only)) : least;
+      found = { least, greatest, sums: written.sums, is_double: is_double !== false, counts: own };
     }
     cache.set(key, found);
     return found;
