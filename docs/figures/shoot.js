@@ -26,6 +26,8 @@
 //   tmux new-session -d -s monitor -x 104 -y 34 'COLORTERM=truecolor hil monitor --session demo'
 //   tmux capture-pane -e -p -t monitor > monitor.ansi     # once the run is held
 //   TERMINAL=monitor.ansi node docs/figures/shoot.js
+//
+// Each is then reduced to its 256 most frequent colours, and packed by `advpng -z -3`.
 "use strict";
 const fs = require("fs");
 const path = require("path");

@@ -383,16 +383,18 @@ def ghost(desk):
 
 
 # Pixels of the first plot in the colour of its first curve, as faint as a band is.
-FAINT = """() => { const figure = document.querySelector('figure.plot'), canvas = figure.querySelector('canvas');
+# Pixels of the shade in the colour of a signal's curve, in the plot that has it.
+FAINT = """(name) => { const isIt = (button) => [...button.querySelectorAll('code')].some((one) => one.textContent === name);
+  const figure = [...document.querySelectorAll('figure.plot')].find((one) => [...one.querySelectorAll('.legend button')].some(isIt)), canvas = figure.querySelector('canvas');
   const copy = Object.assign(document.createElement('canvas'), { width: canvas.width, height: canvas.height }).getContext('2d', { willReadFrequently: true });
   copy.drawImage(canvas, 0, 0);
   const { data } = copy.getImageData(0, 0, canvas.width, canvas.height);
-  const colours = [...figure.querySelectorAll('.legend line')].map((line) => getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number));
-  return colours.map((colour) => {
-    let count = 0;
-    for (let at = 0; at < data.length; at += 4) if (data[at + 3] > 30 && data[at + 3] < 55 && colour.every((part, nth) => Math.abs(part - data[at + nth]) < 12)) count++;
-    return count;
-  }); }"""
+  const line = [...figure.querySelectorAll('.legend button')].find(isIt).querySelector('line');
+  const colour = getComputedStyle(line).stroke.match(/[\\d.]+/g).map(Number);
+  let count = 0;
+  for (let at = 0; at < data.length; at += 4) if (data[at + 3] > 30 && data[at + 3] < 55 && colour.every((part, nth) => Math.abs(part - data[at + nth]) < 12)) count++;
+  return count; }"""
+BANDED = "truth.position_m"
 
 
 def banded(desk):
@@ -410,7 +412,7 @@ def banded(desk):
     measured(page, 550, 550)
     wait(page, "/outside at A/.test(document.getElementById('figures-head').textContent)")
     page.wait_for_timeout(300)
-    result["ink"] = page.evaluate(FAINT)
+    result["ink"] = page.evaluate(FAINT, BANDED)
     page.click("#copy-figures")
     result["text"] = page.text_content("#copied")
     if len(sys.argv) > 4:

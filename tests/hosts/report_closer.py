@@ -7,7 +7,7 @@ import sys
 import time
 
 import panel_page
-from panel_closer import drag
+from panel_closer import BANDED, FAINT, drag
 from panel_page import OVERFLOW
 
 RANGE = "document.documentElement.dataset.range.split(' ').map(Number)"
@@ -124,6 +124,28 @@ def cursors(desk):
     return result
 
 
+def banded(desk):
+    """The band of a baseline on three pages: what is shaded, and what a cursor reads of it."""
+    result = {}
+    for name in ("course", "range", "both"):
+        page = desk.open(desk.url.replace("course.html", f"{name}.html"))
+        wait(page, DRAWN)
+        page.context.grant_permissions(["clipboard-read", "clipboard-write"])
+        one = result[name] = {"label": page.inner_text("#band"), "legend": page.locator("figure.plot .legend").first.inner_text()}
+        one["ink"] = page.evaluate(FAINT, BANDED)
+        page.evaluate("document.querySelector('figure.plot').focus()")
+        page.keyboard.press("a")
+        typed(page, cursor_a="0.7")
+        one["steps"] = page.evaluate("document.documentElement.dataset.measured.split(' ').map(Number)")
+        page.click("#copy-figures")
+        wait(page, "document.getElementById('status').textContent === 'copied the table'")
+        one["text"] = page.evaluate("navigator.clipboard.readText()")
+        if len(sys.argv) > 4:
+            page.screenshot(path=f"{sys.argv[4]}/banded-{name}.png")
+        desk.close(page)
+    return result
+
+
 def palette(desk):
     """Plots, signals, faults, requirements and actions by their names, without a pointer."""
     page = opened(desk)
@@ -210,7 +232,7 @@ def print_(desk):
     return result
 
 
-PLAYS = {"zoom": zoom, "cursors": cursors, "palette": palette, "legend": legend, "where": where, "print": print_}
+PLAYS = {"zoom": zoom, "banded": banded, "cursors": cursors, "palette": palette, "legend": legend, "where": where, "print": print_}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

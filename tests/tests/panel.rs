@@ -5,7 +5,7 @@
 
 mod accessible;
 mod arranged;
-mod bands;
+pub(crate) mod bands;
 mod branches;
 pub(crate) mod browser;
 mod closer;

@@ -6,6 +6,7 @@
 
 pub(crate) mod accessible;
 mod axes;
+mod bands;
 pub(crate) mod browser;
 mod closer;
 mod figures;

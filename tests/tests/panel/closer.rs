@@ -110,21 +110,31 @@ fn figures(text: &str, name: &str) -> Vec<f64> {
     numbers.map(|number| number.unwrap_or(f64::NAN)).collect()
 }
 
-/// Returns value at both ends, difference, mean, RMS and peak to peak.
-fn expected(part: &[f64]) -> [f64; 6] {
+/// Returns value at both ends, difference, mean, RMS, peak to peak, least and greatest value.
+fn expected(part: &[f64]) -> [f64; 8] {
     let count = part.len() as f64;
     let (first, last) = (part[0], part[part.len() - 1]);
     let least = part.iter().copied().min_by(f64::total_cmp).expect("some");
     let greatest = part.iter().copied().max_by(f64::total_cmp).expect("some");
     let mean = part.iter().sum::<f64>() / count;
     let rms = (part.iter().map(|value| value * value).sum::<f64>() / count).sqrt();
-    [first, last, last - first, mean, rms, greatest - least]
+    let height = greatest - least;
+    [
+        first,
+        last,
+        last - first,
+        mean,
+        rms,
+        height,
+        least,
+        greatest,
+    ]
 }
 
 fn assert_figures(text: &str, name: &str, part: &[f64]) {
     let figures = figures(text, name);
     let expected = expected(part);
-    assert_eq!(figures.len(), 6, "{text}");
+    assert_eq!(figures.len(), 8, "{text}");
     for (figure, expected) in figures.iter().zip(expected) {
         let tolerance = 1e-12 * expected.abs() + 1e-18;
         assert!(

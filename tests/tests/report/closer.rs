@@ -59,7 +59,7 @@ fn every_plot_follows_a_zoom_by_any_means() {
 }
 
 /// Returns the cells of a signal in a copied table, each with the values between which it is.
-fn cells(text: &str, name: &str) -> Vec<[f64; 2]> {
+pub(super) fn cells(text: &str, name: &str) -> Vec<[f64; 2]> {
     let row = text.lines().find(|line| line.starts_with(name));
     let row = row.unwrap_or_else(|| panic!("no {name} in {text}"));
     let number = |text: &str| text.parse().unwrap_or_else(|_| panic!("{text} in {row}"));
@@ -107,7 +107,8 @@ fn cursors_measure_from_every_step_and_say_what_the_buckets_leave_open() {
         "reference.position_m",
     ] {
         let part = &recording.column(name)[first..=last];
-        let [at_a, at_b, difference, mean, rms, height] = cells(text("text"), name)[..] else {
+        let [at_a, at_b, difference, mean, rms, height, low, high] = cells(text("text"), name)[..]
+        else {
             panic!("{output}");
         };
         let count = part.len() as f64;
@@ -149,6 +150,11 @@ fn cursors_measure_from_every_step_and_say_what_the_buckets_leave_open() {
         assert!(
             (height[0] - (greatest - least)).abs() <= 3.0 * room,
             "{name}"
+        );
+        assert!((low[0] - least).abs() <= room, "{name}: {low:?} {least}");
+        assert!(
+            (high[0] - greatest).abs() <= room,
+            "{name}: {high:?} {greatest}"
         );
     }
     assert_eq!(output["cleared"], true);

@@ -11,6 +11,7 @@
 extern crate hil_console; // its macro `tell!` is used everywhere
 
 pub mod arguments;
+pub(crate) mod band;
 pub mod export;
 pub(crate) mod figures;
 pub mod layout;

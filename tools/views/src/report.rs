@@ -3,11 +3,13 @@
 //! 1. Each `Run` is read for its results: verdict, requirements, faults, latency.
 //! 2. A `Grid` of simulated time is derived from the results, finer around events.
 //! 3. Each run is read again, its signals as envelopes over that grid.
+//!    Behind them may be the band of a baseline, a [`background`].
 //! 4. `plots` selects the plots, and `page` writes them.
 //!
 //! The page loads nothing: its script is vendored, its policy forbids connections, and all text from a recording is
 //! escaped. Nothing is judged here: requirements are evaluated by the same code as in the run.
 
+mod background;
 mod data;
 pub(crate) mod envelope;
 mod first;
@@ -38,6 +40,7 @@ use crate::arguments::report::ReportArguments;
 use crate::figures;
 use crate::plots::bounds::bounds;
 use crate::plots::signal::own_names;
+use background::Background;
 use grid::Grid;
 use plots::plots;
 use reading::Signals;
@@ -138,13 +141,15 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
         all_bounds.push(bounds);
         extra.push(computed);
     }
-    let grid = grid(&runs);
-    let readings: Vec<_> = (runs.iter().zip(&extra))
-        .map(|(run, extra)| run.reading(extra))
-        .collect();
-    let signals = side_by_side(&readings, |reading| {
+    let background = Background::open(&arguments.behind, &runs)?;
+    let behind = background.as_ref().and_then(|one| one.run.as_ref());
+    let grid = grid(&runs.iter().chain(behind).collect::<Vec<_>>());
+    let readings = (runs.iter().zip(&extra)).map(|(run, extra)| run.reading(extra));
+    let readings: Vec<_> = readings.chain(behind.map(|run| run.reading(&[]))).collect();
+    let mut signals = side_by_side(&readings, |reading| {
         reading.signals(&grid).map_err(Failure::usage)
     })?;
+    let course = signals.split_off(runs.len()).pop();
     let names = signals.iter().flat_map(Signals::iter);
     let names: Vec<&str> = names.map(|(name, ..)| name).collect();
     let aliases: Vec<_> = runs.iter().flat_map(Run::aliases).collect();
@@ -155,7 +160,9 @@ fn made(arguments: &ReportArguments) -> Result<(String, Written, Option<Failure>
     ))?;
     refuse_unknown(&patterns, &signals)?;
     let plots = plots(&runs, &signals, all_bounds, &grid, &patterns);
-    let data = data::Data::new(&runs, &signals, &grid, &plots, &searches);
+    let band = background.as_ref();
+    let band = band.map(|one| one.data(&signals, course.as_ref(), &plots));
+    let data = data::Data::new(&runs, &signals, &grid, &plots, &searches, band);
     let written = Written {
         file: String::new(),
         runs: runs
@@ -187,9 +194,9 @@ pub(crate) fn patterns(texts: &[String]) -> Result<Vec<Pattern>, Failure> {
 
 /// Returns the grid that suits all runs: as long as the longest run, at the highest rate, and fine near the events of
 /// any run.
-fn grid(runs: &[Run]) -> Grid {
-    let by_rate = |a: &&Run, b: &&Run| a.rate.hz().total_cmp(&b.rate.hz());
-    let by_end = |a: &&Run, b: &&Run| a.end_s().total_cmp(&b.end_s());
+fn grid(runs: &[&Run]) -> Grid {
+    let by_rate = |a: &&&Run, b: &&&Run| a.rate.hz().total_cmp(&b.rate.hz());
+    let by_end = |a: &&&Run, b: &&&Run| a.end_s().total_cmp(&b.end_s());
     let fastest = runs.iter().max_by(by_rate).expect("at least one run");
     let longest = runs.iter().max_by(by_end).expect("at least one run");
     // Takes the most interesting time of each run before the second of any.

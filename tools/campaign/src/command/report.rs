@@ -78,6 +78,11 @@ pub(super) fn report(arguments: &ReportArguments) -> Result<Exit, Failure> {
             "a campaign has no recorded signals; --where applies to runs, and hil campaign case DIR N runs a case",
         ));
     }
+    if arguments.behind.baseline.is_some() {
+        return Err(Failure::usage(
+            "a campaign has no recorded signals; --baseline applies to runs, and hil campaign case DIR N runs a case",
+        ));
+    }
     if arguments.figures.is_some() || arguments.margins.is_some() {
         return Err(Failure::usage(
             "a campaign has no recorded signals; --figures and --margins apply to runs, and hil campaign case DIR N runs a case",

@@ -1,5 +1,6 @@
 //! Command lines of this package's verbs. Contains no logic.
 
+pub mod baseline;
 pub mod export;
 pub mod layout;
 pub mod monitor;

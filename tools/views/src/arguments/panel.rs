@@ -7,6 +7,7 @@ use hil_console::files::runs::run_path;
 use hil_console::terminal::duration::seconds;
 use hil_facts::arguments::SessionChoice;
 
+use crate::arguments::baseline::BaselineChoice;
 use crate::arguments::monitor::window;
 
 /// Text behind the options in the help of `hil panel`.
@@ -55,14 +56,11 @@ pub struct PanelArguments {
     #[arg(long, value_name = "FAULT", allow_hyphen_values = true)]
     pub inject: Vec<String>,
     /// Draw the curves of this recorded run behind those of the other
-    #[arg(long, value_name = "RUN", value_parser = run_path())]
+    #[arg(long, value_name = "RUN", value_parser = run_path(), conflicts_with = "baseline")]
     pub over: Option<PathBuf>,
-    /// Shade the band of this named run behind the curves: its signals within their tolerances
-    #[arg(long, value_name = "NAME", conflicts_with = "over")]
-    pub baseline: Option<String>,
-    /// File of named runs
-    #[arg(long, value_name = "FILE", default_value = "baselines.toml")]
-    pub baselines: PathBuf,
+    /// Baseline behind the curves
+    #[command(flatten)]
+    pub behind: BaselineChoice,
     /// Longest wait for a session to start
     #[arg(long, value_name = "TIME", value_parser = seconds)]
     pub wait: Option<f64>,

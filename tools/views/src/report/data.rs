@@ -22,13 +22,15 @@ use super::run::Run;
 pub(crate) struct Data {
     /// Starts of the buckets in s, little-endian double precision.
     grid: String,
-    /// End of the longest run in s.
+    /// End of the longest run in s, that of a baseline included.
     end_s: f64,
     runs: Vec<RunData>,
     plots: Vec<Plot>,
     /// Formulas of the command line.
     #[serde(rename = "where")]
     found: Vec<FoundData>,
+    /// Band of a baseline behind the curves.
+    band: Option<BandData>,
 }
 
 #[derive(Debug, Serialize)]
@@ -54,14 +56,31 @@ struct SpanData {
     until_s: Option<f64>,
 }
 
+/// Band of a baseline.
 #[derive(Debug, Serialize)]
-struct SignalData {
+pub(super) struct BandData {
+    /// Name of the baseline.
+    pub(super) name: String,
+    #[serde(skip)]
+    pub(super) label: String,
+    /// End of the baseline's run in s; `None` without its recording.
+    #[serde(skip)]
+    pub(super) end_s: Option<f64>,
+    /// Tolerance of each signal of the runs and, without a recording, the ends of its range.
+    pub(super) margins: BTreeMap<String, Vec<f64>>,
+    /// Courses of the signals over the grid.
+    pub(super) signals: BTreeMap<String, SignalData>,
+}
+
+/// Signal over the grid.
+#[derive(Debug, Serialize)]
+pub(super) struct SignalData {
     unit: String,
     /// Number of records in each bucket that have no value, equal neighbours together; `None` if every record has one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    missing: Option<Vec<[u32; 2]>>,
+    pub(super) missing: Option<Vec<[u32; 2]>>,
     #[serde(flatten)]
-    values: Written,
+    pub(super) values: Written,
 }
 
 #[derive(Debug, Serialize)]
@@ -85,13 +104,16 @@ impl Data {
         grid: &Grid,
         plots: &[Plot],
         found: &[Found],
+        band: Option<BandData>,
     ) -> Self {
         let starts = grid.starts_s();
         let bytes: Vec<u8> = starts
             .iter()
             .flat_map(|start| start.to_le_bytes())
             .collect();
-        let end_s = runs.iter().map(Run::end_s).max_by(f64::total_cmp);
+        let of_band = band.as_ref().and_then(|band| band.end_s);
+        let end_s = runs.iter().map(Run::end_s).chain(of_band);
+        let end_s = end_s.max_by(f64::total_cmp);
         Self {
             grid: STANDARD.encode(bytes),
             end_s: end_s.unwrap_or_default(),
@@ -102,7 +124,13 @@ impl Data {
                 .collect(),
             plots: plots.to_vec(),
             found: found.iter().map(|one| one.data(runs)).collect(),
+            band,
         }
+    }
+
+    /// Describes the band behind the curves, if there is one.
+    pub(super) fn band(&self) -> Option<&str> {
+        self.band.as_ref().map(|band| band.label.as_str())
     }
 
     /// Returns the number of distinct signals of all runs.
@@ -179,7 +207,7 @@ impl RunData {
             changes: changes.collect(),
             marks: values.chain(marks).collect(),
             counts: runs_of(signals.records()),
-            signals: written(signals),
+            signals: written(signals, |_| true),
             spikes: spikes.collect(),
             histograms: histograms.collect(),
         }
@@ -209,11 +237,14 @@ impl HistogramData {
     }
 }
 
-/// Encodes each signal only once, because many signals are equal to another, like a sensor without a fault.
-fn written(signals: &Signals) -> BTreeMap<String, SignalData> {
+/// Encodes each of some signals only once, because many signals are equal to another, like a sensor without a fault.
+pub(super) fn written(
+    signals: &Signals,
+    is_one: impl Fn(&str) -> bool,
+) -> BTreeMap<String, SignalData> {
     let mut written: Vec<(&str, &Envelope)> = Vec::new();
     let mut data = BTreeMap::new();
-    for (name, unit, envelope) in signals.iter() {
+    for (name, unit, envelope) in signals.iter().filter(|(name, ..)| is_one(name)) {
         let same = written.iter().find(|(_, one)| one.is_same(envelope));
         let values = match (envelope.constant(), same) {
             (None, Some((same, _))) => Written::Same {

@@ -49,6 +49,7 @@ pub(super) fn page(
         main {
             section #first aria-label="Verdict" {
                 (first::verdicts(runs, plots))
+                @if let Some(label) = data.band() { p #band.hint { "Shaded behind the curves: " (label) } }
                 div.plots #deciding { @for place in &deciding { (figure(*place, &plots[*place])) } }
             }
             section #requirements { h2 { "Requirements" } (tables::requirements(runs)) }

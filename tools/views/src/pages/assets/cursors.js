@@ -92,6 +92,27 @@ const less = (figure, other) => {
   const [[low, high], [from, to]] = [ends(figure), ends(other)];
   return low === high && from === to ? low - from : [low - to, high - from];
 };
+// The band of a baseline at cursors, and by how much a value there is outside of it: above it, or negative below it. A row
+// with a band has its `margin` and, `at` both cursors, what that is about: values of the same step or, where `isRange`,
+// the ends of a range.
+const bandColumns = (names, at) => {
+  const bandAt = ({ band }, name) => {
+    const [low, high] = ends(band ? at(band, name) : null);
+    return isNothing(low) ? null : [low - band.margin, high + band.margin];
+  };
+  const outside = (row, name) => {
+    const figure = at(row, name);
+    if (isNothing(figure) || bandAt(row, name) === null) return null;
+    const { margin, isRange } = row.band;
+    const by = (above, below) => (above > margin ? above - margin : below < -margin ? below + margin : 0);
+    const [low, high] = ends(at(row.band, name));
+    const [least, greatest] = ends(figure);
+    // Of two values that are only known to lie between numbers, the difference is too.
+    const outer = isRange ? [by(least - high, least - low), by(greatest - high, greatest - low)] : [by(least - high, least - high), by(greatest - low, greatest - low)];
+    return outer[0] === outer[1] ? outer[0] : outer;
+  };
+  return names.flatMap((name) => [[`band at ${name}`, (row) => bandAt(row, name)], [`outside at ${name}`, (row) => outside(row, name)]]);
+};
 const figureShown = (figure, unit) => [...new Set(ends(figure).map((end) => shown(end, unit)))].join(" to ");
 const plain = (figure, digits) => (Array.isArray(figure) ? figure.map((end) => plain(end, digits)).join(" to ") : isNothing(figure) ? "-" : String(rounded(figure, digits)));
 
@@ -124,7 +145,8 @@ const drawerOf = ({ cursors, period, scenario, more = () => [], span = () => cur
     if (a === null || b === null) return [[`at ${a === null ? "B" : "A"}`, (row) => row.at[0]], ...more(["AB"[a === null ? 1 : 0]], (row) => row?.at[0] ?? null)];
     return [
       ["at A", (row) => at(row, "A")], ["at B", (row) => at(row, "B")], ["B - A", (row) => less(at(row, "B"), at(row, "A"))],
-      ["mean", (row) => row.mean], ["RMS", (row) => row.rms], ["peak to peak", (row) => row.height ?? less(row.greatest, row.least)], ...more(["A", "B"], at),
+      ["mean", (row) => row.mean], ["RMS", (row) => row.rms], ["peak to peak", (row) => row.height ?? less(row.greatest, row.least)],
+      ["least", (row) => row.least], ["greatest", (row) => row.greatest], ...more(["A", "B"], at),
     ];
   };
   const copy = async (text, title) => tell((await copyText(text, byId("copied"))) ? `copied ${title}` : `the browser keeps its clipboard; ${title} is selected`);

@@ -250,6 +250,7 @@ const within = (u, does) => {
   ctx.beginPath();
   ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
   ctx.clip();
+  ctx.setLineDash([]); // not that of the last curve
   does(ctx, bbox, devicePixelRatio);
   ctx.restore();
 };

@@ -72,12 +72,12 @@ const courseOf = (u, { least, greatest }, { from, to, slot, begin, end, isApart 
 };
 // The area between the least and the greatest value of each stretch, wider by a margin on both sides; parts are as those
 // of a curve.
-const areaOf = (u, { least, greatest }, { from, to, slot, begin, end, isLog = false, margin = 0 }) => {
+const areaOf = (u, { least, greatest }, { from, to, slot, begin, end, isLog = false, forward = isLog ? rawLog : raw, raised = 0, margin = 0 }) => {
   const area = new Path2D();
   const { left, width } = u.bbox;
   const { min, max } = u.scales.x;
   const x = (time) => left + ((time - min) * width) / (max - min);
-  const y = heightsOf(u, isLog ? rawLog : raw);
+  const y = heightsOf(u, forward);
   let above = [];
   let below = [];
   const close = () => {
@@ -88,8 +88,8 @@ const areaOf = (u, { least, greatest }, { from, to, slot, begin, end, isLog = fa
     below = [];
   };
   for (let nth = from; nth <= to; nth++) {
-    let low = least[slot(nth)] - margin;
-    let high = greatest[slot(nth)] + margin;
+    let low = least[slot(nth)] + raised - margin;
+    let high = greatest[slot(nth)] + raised + margin;
     if (low !== low) {
       close();
       continue;
@@ -103,6 +103,18 @@ const areaOf = (u, { least, greatest }, { from, to, slot, begin, end, isLog = fa
   close();
   return area;
 };
+// Shades areas, each with its colour.
+const shadeAreas = (u, areas) => within(u, (ctx, _, ratio) => {
+  ctx.lineWidth = 2 * ratio;
+  for (const [area, colour] of areas) {
+    ctx.fillStyle = ctx.strokeStyle = colour;
+    ctx.globalAlpha = 0.16;
+    ctx.fill(area);
+    ctx.globalAlpha = 0.35;
+    ctx.stroke(area);
+  }
+  ctx.globalAlpha = 1;
+});
 // Begin and width of a mark for each interval of time in order, at least so wide; what lies within the mark before has
 // none of its own.
 const marksOf = (u, times, least) => {

@@ -64,25 +64,9 @@ const takeFigures = (answer) => {
   readLater();
   root.dataset.measured = `${answer.from} ${answer.to}`;
 };
-// The band of a baseline at a cursor, and by how much a value there is outside of it: above it, or negative below it.
-const middleAt = (row, name, at) => (about.over ? at(others.get(row.signal), name) : bandOf(signals[row.signal]).slice(1));
-const bandAt = (row, name, at) => {
-  const [margin] = bandOf(signals[row.signal]) ?? [];
-  if (margin === undefined) return null;
-  const [low, high] = ends(middleAt(row, name, at));
-  return isNothing(low) ? null : [low - margin, high + margin];
-};
-const outside = (figure, row, name, at) => {
-  if (isNothing(figure) || bandAt(row, name, at) === null) return null;
-  const [margin] = bandOf(signals[row.signal]);
-  const [low, high] = ends(middleAt(row, name, at));
-  const by = (value) => (value - high > margin ? value - high - margin : value - low < -margin ? value - low + margin : 0);
-  const [least, greatest] = ends(figure).map(by);
-  return least === greatest ? least : [least, greatest];
-};
 // Values of the other run, beside those of this one.
 const columnsOfOther = (names, at) => {
-  if (about.band) return names.flatMap((name) => [[`band at ${name}`, (row) => bandAt(row, name, at)], [`outside at ${name}`, (row) => outside(at(row, name), row, name, at)]]);
+  if (about.band) return bandColumns(names, at);
   if (!about.over) return [];
   const other = (row) => others.get(row.signal);
   const [name] = names;
@@ -96,12 +80,18 @@ const whyNoRequirement = (name, one) => {
   if (isNothing(one.least)) return "it has no value between the cursors";
   return !about.recorded && basis > 1 ? "it needs every step, which the panel has not kept: hil panel RUN" : "";
 };
+// The band of a signal at the cursors.
+const bandBehind = (place) => {
+  const [margin, ...range] = bandOf({ place }) ?? [];
+  if (margin === undefined) return null;
+  return about.over ? { margin, at: others.get(place)?.at ?? [] } : { margin, at: [range, range], isRange: true };
+};
 const showFigures = () => {
   const [first, last] = cursors.ends();
   const from = basis === 1 ? `from every step (${last - first + 1})` : `from the least and the greatest values of ${basis} steps each, which is what the panel has kept; mean and RMS need every step: hil panel RUN`;
   drawer.list([...figures.values()].map((one) => {
     const { name, unit } = signals[one.signal];
-    return { ...one, name, unit, why: whyNoRequirement(name, one) };
+    return { ...one, name, unit, why: whyNoRequirement(name, one), band: bandBehind(one.signal) };
   }), from);
 };
 

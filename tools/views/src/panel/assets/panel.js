@@ -299,23 +299,14 @@ class Plot {
 
   // The band of a baseline, behind the curves, each signal's in the colour of its curve.
   band(u) {
-    within(u, (ctx, _, ratio) => {
-      ctx.lineWidth = 2 * ratio;
-      const [from, to] = about.over ? stretches(span(), ghost) : [0, 0];
-      for (const { signal, isShown, colour } of this.series) {
-        const [margin, least, greatest] = bandOf(signal) ?? [];
-        const numbers = about.over ? ghost.of(signal) : isNothing(least) ? null : { least: [least], greatest: [greatest] };
-        if (margin === undefined || !isShown || !numbers) continue;
-        const whole = { from, to, slot: () => 0, begin: () => 0, end: () => about.duration_s, isLog: this.isLog };
-        const area = areaOf(u, numbers, { ...(about.over ? this.places(ghost, from, to) : whole), margin });
-        ctx.fillStyle = ctx.strokeStyle = ink.series[colour];
-        ctx.globalAlpha = 0.16;
-        ctx.fill(area);
-        ctx.globalAlpha = 0.35;
-        ctx.stroke(area);
-      }
-      ctx.globalAlpha = 1;
-    });
+    const [from, to] = about.over ? stretches(span(), ghost) : [0, 0];
+    const whole = { from, to, slot: () => 0, begin: () => 0, end: () => about.duration_s, isLog: this.isLog };
+    shadeAreas(u, this.series.flatMap(({ signal, isShown, colour }) => {
+      const [margin, least, greatest] = bandOf(signal) ?? [];
+      const numbers = about.over ? ghost.of(signal) : isNothing(least) ? null : { least: [least], greatest: [greatest] };
+      if (margin === undefined || !isShown || !numbers) return [];
+      return [[areaOf(u, numbers, { ...(about.over ? this.places(ghost, from, to) : whole), margin }), ink.series[colour]]];
+    }));
   }
 
   // The other run, behind the curves.

@@ -30,11 +30,12 @@
     }
     return { ...values, mean, square };
   };
-  // The envelope of a run's signal, or undefined if the run has none.
+  // The envelope of a run's signal, or undefined if the run has none; that of a baseline is called by its name.
+  const BASELINE = "baseline";
   const signalOf = (run, name) => {
     const key = run + " " + name;
     if (cache.has(key)) return cache.get(key);
-    const written = data.runs[run].signals[name];
+    const written = (run === BASELINE ? data.band : data.runs[run]).signals[name];
     let found;
     if (written && written.same !== undefined) {
       found = signalOf(run, written.same);
@@ -49,6 +50,14 @@
     }
     cache.set(key, found);
     return found;
+  };
+  // Where a baseline lets a signal be: its tolerance about the baseline's own values or, without them, about a range.
+  const bandOf = (name) => {
+    const [margin, least, greatest] = data.band?.margins[name] ?? [];
+    if (margin === undefined) return null;
+    const isRange = least !== undefined;
+    const values = !isRange ? signalOf(BASELINE, name) : isNothing(least) ? null : { least: [least], greatest: [greatest] };
+    return values ? { margin, values, isRange } : null;
   };
   const unitOfSignal = (name) => {
     const run = data.runs.find((one) => one.signals[name]);
@@ -178,7 +187,7 @@
         ],
         series: seriesOf(this.series, () => ink, (u, one, place, from, to) => this.course(u, one, from, to, this.raised(place))),
         hooks: {
-          drawClear: [(u) => drawEvents(u, events, ink), (u) => this.names(u)],
+          drawClear: [(u) => drawEvents(u, events, ink), (u) => this.names(u), (u) => this.band(u)],
           draw: [(u) => this.where(u), (u) => this.judge(u), (u) => cursors.draw(u, ink)],
           setCursor: [() => this.read()],
           setScale: [(u, key) => key === "y" && this.tell()],
@@ -255,9 +264,12 @@
     range() {
       const { spec } = this;
       if (this.form === "offset") return this.rangeApart();
-      let [min, max] = [Infinity, -Infinity];
-      for (const { values, isShown } of this.series) if (isShown) [min, max] = reachOf(values, { ...inView(), isLog: spec.log }, [min, max]);
-      const levels = levelsOf(spec, view);
+      const reaches = this.series.filter((one) => one.isShown).map((one) => this.reach(one));
+      let min = Math.min(...reaches.map(([low]) => low));
+      let max = Math.max(...reaches.map(([, high]) => high));
+      // A range of the whole run is followed as a level is: where it is near.
+      const ranges = this.series.map(({ name, isShown }) => (isShown ? bandOf(name) : null)).filter((one) => one?.isRange);
+      const levels = levelsOf(spec, view).concat(ranges.flatMap(({ margin, values }) => [values.least[0] - margin, values.greatest[0] + margin]));
       if (min > max) return spec.log ? [0.1, 1] : [0, 1];
       if (this.symmetric) {
         const { fwd, bwd } = this.symmetric;
@@ -275,10 +287,21 @@
       return [min - room, max + 2 * room];
     }
 
+    // The ends of a curve in sight, and of the band along it.
+    reach({ name, values }) {
+      const part = { ...inView(), isLog: this.spec.log };
+      const band = bandOf(name);
+      const own = reachOf(values, part);
+      if (!band || band.isRange) return own;
+      const [low, high] = reachOf(band.values, part);
+      const margin = this.spec.log ? 0 : band.margin;
+      return [Math.min(own[0], low - margin), Math.max(own[1], high + margin)];
+    }
+
     // With curves above each other, by more than the highest of them.
     rangeApart() {
-      const ends = this.series.map(({ values, isShown }) => {
-        const [min, max] = isShown ? reachOf(values, inView()) : [0, 0];
+      const ends = this.series.map(({ name, values, isShown }) => {
+        const [min, max] = isShown ? this.reach({ name, values }) : [0, 0];
         return min > max ? [0, 0] : [min, max];
       });
       const highest = Math.max(...ends.map(([min, max]) => max - min));
@@ -289,14 +312,32 @@
       return [low - room, high + room];
     }
 
-    course(u, { values, period }, from, to, raised) {
+    // The buckets of a part, for a curve or an area.
+    places(period, from, to, raised) {
       const begin = (nth) => start[nth];
       // At the bucket's last step: what only rises or falls in it is drawn as it was.
       const end = (nth) => Math.max((start[nth + 1] ?? 0) - period, start[nth]);
+      return { from: Math.max(0, from - 1), to: Math.min(buckets - 1, to + 1), slot, begin, end, isLog: this.spec.log, forward: this.symmetric?.fwd, raised };
+    }
+
+    course(u, { values, period }, from, to, raised) {
       // A run of a lower rate has no step in many a bucket; that is no gap.
       const isApart = (nth, before) => start[nth] - start[before] > Math.max(1.5 * period, 1.01 * (start[nth] - start[nth - 1]) + period);
-      const part = { from: Math.max(0, from - 1), to: Math.min(buckets - 1, to + 1), slot, begin, end, isApart, isLog: this.spec.log, forward: this.symmetric?.fwd, raised };
-      return courseOf(u, values, part);
+      return courseOf(u, values, { ...this.places(period, from, to, raised), isApart });
+    }
+
+    // The band of a baseline, behind the curves: once for each signal, unless its curves are apart.
+    band(u) {
+      const drawn = new Set();
+      shadeAreas(u, this.series.flatMap(({ name, isShown, colour, period }, nth) => {
+        const band = isShown ? bandOf(name) : null;
+        if (!band || (drawn.has(name) && this.form !== "offset")) return [];
+        drawn.add(name);
+        const { from, to } = inView();
+        const part = { ...this.places(period, from, to, this.raised(nth)), margin: band.margin };
+        if (band.isRange) Object.assign(part, { from: 0, to: 0, slot: () => 0, begin: () => whole[0], end: () => whole[1] });
+        return [[areaOf(u, band.values, part), isOverlaid ? ink.text : ink.series[colour % 8]]];
+      }));
     }
 
     // Names of events, above the plot.
@@ -375,6 +416,7 @@
         limit.append(`limit ${level}: `, [...names].join(", "));
         box.append(limit);
       }
+      if (this.series.some(({ name }) => bandOf(name))) box.append(make("span", `shaded: baseline ${data.band.name}`));
       for (const name of this.spec.missing) box.append(`${name}: no value`);
       box.append(this.time);
     }
@@ -489,7 +531,8 @@
   // Of several runs, how far each is from the first.
   let firsts = new Map();
   const fromFirst = (names, at) => (isOverlaid ? names.map((name) => [`${name} less ${data.runs[0].label}`, (row) => (row.run ? less(at(row, name), at(firsts.get(row.name), name)) : null)]) : []);
-  const drawer = drawerOf({ cursors, period: () => period, scenario: () => document.title, more: fromFirst, span, digits: 9 });
+  const besides = (names, at) => [...(data.band ? bandColumns(names, at) : []), ...fromFirst(names, at)];
+  const drawer = drawerOf({ cursors, period: () => period, scenario: () => document.title, more: besides, span, digits: 9 });
   // The value in a bucket, or between which values it is; of a run of a lower rate its last one.
   const valueIn = ({ least, greatest, is_double }, bucket, run) => {
     while (bucket > 0 && !(least[bucket] === least[bucket]) && start[bucket - 1] > start[bucket] - data.runs[run].period_s) bucket--;
@@ -517,7 +560,9 @@
     const [mean, rms] = count ? [sum / count, Math.sqrt(squares / count)].map((value) => rounded(value, 7)) : [null, null];
     const why = whyUnnamed(name) || (count ? "" : "it has no value between the cursors");
     const title = isOverlaid ? `${data.runs[run].label}: ${name}` : name;
-    return { name, title, run, unit: unitOfSignal(name), at: [valueIn(values, first, run), valueIn(values, last, run)], mean, rms, least, greatest, height: count ? reach[1] - reach[0] : null, count, why };
+    const band = bandOf(name);
+    if (band) band.at = [first, last].map((bucket) => (band.isRange ? [band.values.least[0], band.values.greatest[0]] : valueIn(band.values, bucket, run)));
+    return { name, title, run, unit: unitOfSignal(name), at: [valueIn(values, first, run), valueIn(values, last, run)], mean, rms, least, greatest, height: count ? reach[1] - reach[0] : null, count, why, band };
   };
   // Which of it is exact.
   const basis = () => {
@@ -525,7 +570,7 @@
     const [from, to] = span();
     const parts = first === last ? [] : [`mean, RMS and peak to peak from every step from ${seconds(from * period)} s to ${seconds(to * period)} s (${to - from + 1})`];
     const wide = [...new Set([first, last])].filter((bucket) => lastOf(bucket) > stepOfBucket(bucket)).map((bucket) => `the ${lastOf(bucket) - stepOfBucket(bucket) + 1} steps from ${seconds(start[bucket])} s`);
-    if (wide.length) parts.push(`the report has the least and the greatest of ${wide.join(" and of ")}, hil panel RUN each of them`);
+    if (wide.length) parts.push(`the report has the least and the greatest of ${wide.join(" and of ")}, of which hil panel RUN has each`);
     return (parts.join("; ") || "the values of this step") + "; seven digits";
   };
   // Signals of the plots in sight first, then those of the others.
@@ -577,6 +622,7 @@
       add("where", formula, `${count} interval${count === 1 ? "" : "s"}`, () => byId("where").scrollIntoView());
     }
     add("action", "Where does a formula hold", "hil report RUN --where 'FORMULA'", () => tell("hil report RUN --where 'FORMULA' lists where a formula holds; hil panel RUN searches for others"));
+    add("action", "Figures for a document", "hil report RUN --figures DIR", () => tell("hil report RUN --figures DIR writes each plot of the scenario as SVG and PDF"));
     add("action", "Light or dark", "", () => byId("theme").click());
     return list;
   };
