@@ -16,6 +16,7 @@
 //! - `requirements`: what twenty requirements cost;
 //! - `monitor`: what `hil monitor` in a terminal costs the run that it watches;
 //! - `margins`: how long `hil margins` takes, in one process and in two;
+//! - `report`: how long `hil report` takes, and the size of its page;
 //! - `many`: what each of very many short runs costs, and whether the thousandth costs more than the first.
 //!
 //! Compared variants are measured in turns. There is no time limit on any number; how much of the
@@ -41,6 +42,7 @@ mod one_core;
 mod programs;
 #[path = "../../shared/pseudo_terminal.rs"]
 mod pseudo_terminal;
+mod report;
 mod requirements;
 #[path = "../shared/round_trips/mod.rs"]
 mod round_trips;
@@ -63,7 +65,7 @@ fn main() -> ExitCode {
         println!("machine: {}\n", measure::machine());
         let programs = programs::Programs::built();
         let names = null::Names::given();
-        let tables: [(&str, &dyn Fn()); 11] = [
+        let tables: [(&str, &dyn Fn()); 12] = [
             ("runs", &|| runs::compare(&programs)),
             ("steps", &steps::compare),
             ("costs", &|| costs::compare(&programs, &names)),
@@ -75,6 +77,7 @@ fn main() -> ExitCode {
             ("monitor", &|| monitor::compare(&programs)),
             ("many", &|| many::compare(&programs)),
             ("margins", &|| margins::compare(&programs)),
+            ("report", &|| report::compare(&programs)),
         ];
         let wanted: Vec<String> = (std::env::args().skip(1))
             .filter(|argument| !argument.starts_with('-'))
