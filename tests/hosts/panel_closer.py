@@ -382,7 +382,6 @@ def ghost(desk):
     return result
 
 
-# Pixels of the first plot in the colour of its first curve, as faint as a band is.
 # Pixels of the shade in the colour of a signal's curve, in the plot that has it.
 FAINT = """(name) => { const isIt = (button) => [...button.querySelectorAll('code')].some((one) => one.textContent === name);
   const figure = [...document.querySelectorAll('figure.plot')].find((one) => [...one.querySelectorAll('.legend button')].some(isIt)), canvas = figure.querySelector('canvas');

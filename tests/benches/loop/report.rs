@@ -14,6 +14,7 @@ const SCENARIO: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
     "/../scenarios/severe-leakage.toml"
 );
+
 /// Records the runs, and prints times and sizes.
 pub(crate) fn compare(programs: &Programs) {
     let folder = TempDir::new().expect("a folder");

@@ -3,7 +3,7 @@
 //! 1. Each `Run` is read for its results: verdict, requirements, faults, latency.
 //! 2. A `Grid` of simulated time is derived from the results, finer around events.
 //! 3. Each run is read again, its signals as envelopes over that grid.
-//!    Behind them may be the band of a baseline, a [`background`].
+//!    Behind them may be the band of a baseline, a `Background`.
 //! 4. `plots` selects the plots, and `page` writes them.
 //!
 //! The page loads nothing: its script is vendored, its policy forbids connections, and all text from a recording is

@@ -8,7 +8,7 @@ use hil_console::terminal::exit::Failure;
 use hil_verification::baseline::band::Band;
 
 use super::data::{BandData, written};
-use super::envelope::Written;
+use super::envelope::{Written, runs_of};
 use super::plots::Plot;
 use super::reading::Signals;
 use super::run::{Run, distinct};
@@ -73,8 +73,7 @@ impl Background {
         let courses = course.map(|course| written(course, |name| margins.contains_key(name)));
         let mut courses = courses.unwrap_or_default();
         for one in courses.values_mut() {
-            // Counts and means are only those of the runs.
-            one.missing = None;
+            // Means are only those of the runs.
             if let Written::Values { sums, .. } = &mut one.values {
                 sums.clear();
             }
@@ -84,6 +83,9 @@ impl Background {
             label: band::label(&self.band, &missing),
             end_s: self.run.as_ref().map(Run::end_s),
             margins,
+            counts: course
+                .map(|course| runs_of(course.records()))
+                .unwrap_or_default(),
             signals: courses,
         }
     }

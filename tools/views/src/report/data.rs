@@ -68,6 +68,8 @@ pub(super) struct BandData {
     pub(super) end_s: Option<f64>,
     /// Tolerance of each signal of the runs and, without a recording, the ends of its range.
     pub(super) margins: BTreeMap<String, Vec<f64>>,
+    /// Number of its records in each bucket, equal neighbours together.
+    pub(super) counts: Vec<[u32; 2]>,
     /// Courses of the signals over the grid.
     pub(super) signals: BTreeMap<String, SignalData>,
 }
@@ -78,7 +80,7 @@ pub(super) struct SignalData {
     unit: String,
     /// Number of records in each bucket that have no value, equal neighbours together; `None` if every record has one.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) missing: Option<Vec<[u32; 2]>>,
+    missing: Option<Vec<[u32; 2]>>,
     #[serde(flatten)]
     pub(super) values: Written,
 }

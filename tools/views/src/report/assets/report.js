@@ -13,7 +13,9 @@
   const numbersOf = (text, isDouble) => new (isDouble ? Float64Array : Float32Array)(bytesOf(text).buffer);
   // Numbers of equal neighbours, written as pairs of number and how often it follows.
   const countsOf = (pairs) => Uint32Array.from(pairs.flatMap(([count, times]) => new Array(times).fill(count)));
-  const counts = data.runs.map((run) => countsOf(run.counts));
+  // Records in each bucket, of each run and of a baseline, which is called by its name.
+  const BASELINE = "baseline";
+  const counts = new Map([...data.runs.entries(), ...(data.band ? [[BASELINE, data.band]] : [])].map(([run, one]) => [run, countsOf(one.counts)]));
   // Means of the buckets, and means of the squares, from where they are between the least and the greatest value.
   const PARTS = 65534;
   const withMeans = (values, text) => {
@@ -30,8 +32,7 @@
     }
     return { ...values, mean, square };
   };
-  // The envelope of a run's signal, or undefined if the run has none; that of a baseline is called by its name.
-  const BASELINE = "baseline";
+  // The envelope of a run's signal, or undefined if the run has none.
   const signalOf = (run, name) => {
     const key = run + " " + name;
     if (cache.has(key)) return cache.get(key);
@@ -41,7 +42,7 @@
       found = signalOf(run, written.same);
     } else if (written) {
       const { is_double, value } = written;
-      const own = written.missing ? countsOf(written.missing).map((missing, i) => counts[run][i] - missing) : counts[run];
+      const own = written.missing ? countsOf(written.missing).map((missing, i) => counts.get(run)[i] - missing) : counts.get(run);
       const least = value !== undefined ? new Float64Array(buckets).fill(value) : numbersOf(written.least, is_double);
       // A bucket of one value has it as both.
       const wide = written.greatest ? numbersOf(written.greatest, is_double).values() : undefined;
