@@ -9,6 +9,7 @@ pub(crate) mod bands;
 mod branches;
 pub(crate) mod browser;
 mod closer;
+mod cursors;
 mod intruders;
 mod log;
 mod page;
