@@ -27,10 +27,18 @@ use serde_json::Value;
 
 use crate::panel_socket::parts;
 use crate::support::company::Companion;
-use crate::support::harness::{Rig, ended, send, until};
+use crate::support::harness::{Rig, Run, ended, send, until};
 use crate::support::programs::{path_from, program, workspace};
 
 const SCENARIO: &str = "scenarios/spring-mass.toml";
+
+/// Runs the scenario with half as much mass again, which no requirement expects.
+pub(crate) fn heavy(rig: &Rig) -> Run {
+    let run = rig.run(&format!(
+        "{SCENARIO} --set plant.parameters.mass_kg=1.5 --set requirements=[]"
+    ));
+    run.expect(0)
+}
 
 /// Panel of a test's session.
 struct Panel {

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use serde_json::{Value, json};
 
 use super::browser::{Play, begun};
-use super::{Panel, SCENARIO};
+use super::{Panel, SCENARIO, heavy};
 use crate::support::harness::Rig;
 
 /// Fails unless no rule is broken, no page is wider than its window, and dashes alone tell the curves of each plot apart.
@@ -45,10 +45,7 @@ fn a_live_panel_breaks_no_rule_of_accessibility_on_a_light_desk_and_a_dark_phone
 fn a_panel_of_a_recorded_run_breaks_no_rule_of_accessibility_either() {
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);
-    let heavy = rig.run(&format!(
-        "{SCENARIO} --set plant.parameters.mass_kg=1.5 --set requirements=[]"
-    ));
-    let heavy = heavy.expect(0);
+    let heavy = heavy(&rig);
     let over = heavy.folder.to_str().expect("text");
     let panel = Panel::recorded(&rig, &run.folder, &["--over", over]);
     if let Some(play) = Play::with_axe("accessible", &panel.url) {

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::browser::{Play, begun};
-use super::{Panel, SCENARIO};
-use crate::support::harness::Rig;
+use super::{Panel, SCENARIO, heavy};
+use crate::support::harness::{Rig, text};
 use crate::support::mcap_reader::Recording;
 
 pub(crate) const SIGNAL: &str = "truth.position_m";
@@ -52,10 +52,6 @@ impl Baseline {
     }
 }
 
-fn text(path: &Path) -> &str {
-    path.to_str().expect("text")
-}
-
 /// Returns the cells of a signal in a copied table, behind name and unit.
 fn cells(output: &Value, name: &str) -> Vec<String> {
     let table = output["text"].as_str().expect("text");
@@ -86,10 +82,7 @@ fn assert_cells(output: &Value, value: f64, [low, high]: [f64; 2], outside: f64)
 fn the_band_of_a_baseline_is_shaded_and_read_at_a_cursor() {
     let rig = Rig::new();
     let baseline = Baseline::new(&rig);
-    let heavy = rig.run(&format!(
-        "{SCENARIO} --set plant.parameters.mass_kg=1.5 --set requirements=[]"
-    ));
-    let heavy = heavy.expect(0);
+    let heavy = heavy(&rig);
     let played = || {
         let panel = Panel::recorded(&rig, &heavy.folder, &baseline.arguments());
         Some(Play::closer("banded", &panel.url)?.result())

@@ -1,8 +1,8 @@
 //! What the table of the cursors measures in a headless Chromium, compared with the records.
 
-use super::SCENARIO;
 use super::browser::{Play, assert_drawn, begun};
 use super::closer::{assert_near, played, range};
+use super::{SCENARIO, heavy};
 use crate::support::harness::{Rig, Run};
 use crate::support::mcap_reader::Recording;
 use crate::support::programs::shipped;
@@ -133,10 +133,7 @@ fn a_held_run_is_looked_back_at_and_measured_from_what_its_panel_kept() {
 fn another_run_is_drawn_behind_the_curves_and_its_difference_is_read() {
     let rig = Rig::new();
     let run = rig.run(SCENARIO).expect(0);
-    let heavy = rig.run(&format!(
-        "{SCENARIO} --set plant.parameters.mass_kg=1.5 --set requirements=[]"
-    ));
-    let heavy = heavy.expect(0);
+    let heavy = heavy(&rig);
     let over = heavy.folder.to_str().expect("text").to_owned();
     let Some(output) = played(&rig, &run, "ghost", &["--over", &over]) else {
         return;

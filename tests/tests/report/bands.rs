@@ -1,16 +1,16 @@
 //! The band of a baseline behind the curves of a report, and what a cursor reads of it.
 
+use std::path::Path;
+
 use serde_json::Value;
 use shared_types::extremes::{larger, smaller};
 
 use super::closer::cells;
 use crate::panel::bands::{Baseline, SIGNAL, TOLERANCE};
 use crate::panel::browser::Play;
-use crate::support::harness::{Rig, Run};
+use crate::panel::heavy;
+use crate::support::harness::{Rig, text};
 use crate::support::mcap_reader::Recording;
-
-/// Five seconds at 1 kHz: a bucket of the report has one to three steps.
-const SCENARIO: &str = "scenarios/spring-mass.toml";
 
 /// Returns the least and the greatest of some values.
 fn reach(values: &[f64]) -> [f64; 2] {
@@ -36,24 +36,18 @@ fn assert_cells(page: &Value, name: &str, expected: &[[f64; 2]]) {
 fn the_band_of_a_baseline_is_shaded_and_read_at_a_cursor() {
     let rig = Rig::new();
     let baseline = Baseline::new(&rig);
-    let heavy = rig.run(&format!(
-        "{SCENARIO} --set plant.parameters.mass_kg=1.5 --set requirements=[] --set metrics=[]"
-    ));
-    let heavy = heavy.expect(0);
-    let equal = rig.run(&format!("{SCENARIO} --set plant.parameters.mass_kg=1"));
-    let equal = equal.expect(0);
-    let written = |name: &str, runs: &[&Run]| {
+    let heavy = heavy(&rig).recording();
+    let written = |name: &str, runs: &[&Path]| {
         let path = rig.path(name);
-        let file = ["-o", path.to_str().expect("text")];
-        let folders: Vec<&str> = (runs.iter())
-            .map(|run| run.folder.to_str().expect("text"))
-            .collect();
-        rig.hil(&[&["report"], &folders[..], &file, &baseline.arguments()].concat())
+        let file = ["-o", text(&path)];
+        let runs: Vec<&str> = runs.iter().map(|run| text(run)).collect();
+        rig.hil(&[&["report"], &runs[..], &file, &baseline.arguments()].concat())
             .expect(0);
         format!("file://{}", path.display())
     };
+    // Five seconds at 1 kHz: a bucket has one to three steps.
     let url = written("course.html", &[&heavy]);
-    written("both.html", &[&equal, &heavy]);
+    written("both.html", &[&baseline.recording, &heavy]);
     // Without the recording only the range of the whole run is known.
     baseline.edit("recording = ", "# recording = ");
     written("range.html", &[&heavy]);
@@ -63,7 +57,7 @@ fn the_band_of_a_baseline_is_shaded_and_read_at_a_cursor() {
     let output = play.result();
 
     let kept = Recording::open(&baseline.recording).column(SIGNAL);
-    let own = Recording::open(&heavy.recording()).column(SIGNAL);
+    let own = Recording::open(&heavy).column(SIGNAL);
     let begin = "Shaded behind the curves: band of baseline spring: its recording and the tolerance of each signal; ";
     for name in ["course", "both"] {
         let label = output[name]["label"].as_str().expect("text");
@@ -98,7 +92,7 @@ fn the_band_of_a_baseline_is_shaded_and_read_at_a_cursor() {
     let [value, band, outside, _] = expected(&output["course"]);
     assert!(outside[1] > 0.0, "{outside:?}");
     assert_cells(&output["course"], SIGNAL, &[value, band, outside]);
-    // Of two runs the difference from the first is read too; that one equals the baseline.
+    // Of two runs the difference from the first is read too; that one is the baseline.
     let table = output["both"]["text"].as_str().expect("text");
     let of_it = |line: &&str| line.contains(&format!(": {SIGNAL}\t"));
     let row = table.lines().filter(of_it).nth(1).expect("the second run");
