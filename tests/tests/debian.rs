@@ -31,7 +31,7 @@ fn the_debian_package_runs_the_scenario_of_the_readme_in_a_bare_root() {
     let programs = program("hil");
     let out = rig.path("packages");
     let mut build = rig.command(workspace().join("tools/debian/build"));
-    // Its default takes a minute for the last tenth of the size.
+    // The default compressor takes minutes beside other tests.
     build
         .env("DPKG_DEB_COMPRESSOR_TYPE", "gzip")
         .env("DPKG_DEB_COMPRESSOR_LEVEL", "1")

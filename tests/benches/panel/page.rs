@@ -90,9 +90,12 @@ pub(crate) fn measure(programs: &Programs) {
 
 /// A Python with playwright, and a Chromium.
 fn browser() -> Option<(PathBuf, &'static str)> {
-    let chromium = ["/usr/bin/chromium", "/usr/bin/chromium-browser"]
-        .into_iter()
-        .find(|path| Path::new(path).exists())?;
+    let paths = [
+        "/usr/bin/chromium",
+        "/usr/bin/chromium-browser",
+        "/usr/bin/chromium-headless-shell",
+    ];
+    let chromium = paths.into_iter().find(|path| Path::new(path).exists())?;
     let own = std::env::current_exe().expect("a path to this program");
     let target = own.ancestors().nth(3).expect("it lies in target");
     let python = [PathBuf::from("python3"), target.join("python/bin/python")];

@@ -209,7 +209,7 @@ pub(crate) fn path_from(folder: &Path) -> OsString {
     std::env::join_paths(folders).expect("plain names")
 }
 
-/// Finds a Chromium, one without windows first: it starts in half the processor time.
+/// Finds a Chromium, one without windows first: it starts in less processor time.
 pub(crate) fn chromium() -> Option<&'static str> {
     let paths = [
         "/usr/bin/chromium-headless-shell",
