@@ -108,7 +108,8 @@ fn two_cursors_measure_every_step_and_give_a_requirement_that_holds() {
 #[test]
 fn a_held_run_is_looked_back_at_and_measured_from_what_its_panel_kept() {
     let rig = Rig::new();
-    let (run, panel) = begun(&rig, "", &[]);
+    // So slow that a panel without a core of its own sees every step.
+    let (run, panel) = begun(&rig, "--pace 1", &[]);
     let Some(play) = Play::closer("back", &panel.url) else {
         return;
     };
