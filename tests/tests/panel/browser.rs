@@ -350,6 +350,20 @@ fn the_page_fits_a_phone_and_a_desktop_in_both_themes() {
         assert_eq!(output["small"], json!([]), "{name}: too small for a finger");
         assert_drawn(&output["ink"]);
     }
+    // Two corners for a line, five for a spike of one stretch, a line between gaps; no value further away than a quarter
+    // of a pixel.
+    let corners = [("line", 2, 1), ("spike", 5, 1), ("gaps", 8, 4)];
+    for (shape, corners, pieces) in corners {
+        let course = &output["courses"][shape];
+        let (drawn, kept) = (course[1].as_u64(), course[2].as_u64());
+        assert_eq!((drawn, kept), (Some(corners), Some(pieces)), "{shape}");
+    }
+    let courses = output["courses"].as_object().expect("shapes");
+    assert_eq!(courses.len(), 6);
+    for (shape, course) in courses {
+        let farthest = course[0].as_f64().expect("pixels");
+        assert!(farthest < 0.25 + 1e-9, "{shape}: {farthest}");
+    }
     played.end(&rig).expect(0);
 }
 

@@ -40,14 +40,64 @@ const heightsOf = (u, forward = raw) => {
   const scale = height / room;
   return (value) => top + height - (Math.min(Math.max(forward(value), floor - room), floor + 2 * room) - floor) * scale;
 };
+// Corners of the course that is written: abscissa and ordinate in turns, from left to right, neither of them a number
+// where it breaks.
+let corners = new Float64Array(0);
+// Writes the first of them to a path, without those within a quarter of a pixel of the line past them, of which smooth
+// curves have many.
+const writeCorners = (path, count) => {
+  let isBegun = false;
+  let hasLast = false;
+  let fromX = NaN;
+  let fromY = NaN;
+  let lastX = NaN;
+  let lastY = NaN;
+  // Slopes of the lines from the last corner written that pass all corners since.
+  let flattest = -Infinity;
+  let steepest = Infinity;
+  for (let nth = 0; nth < count; nth += 2) {
+    const x = corners[nth];
+    const y = corners[nth + 1];
+    if (x !== x) {
+      if (hasLast) path.lineTo(lastX, lastY);
+      isBegun = false;
+      hasLast = false;
+      continue;
+    }
+    if (!isBegun) {
+      path.moveTo(x, y);
+      isBegun = true;
+      fromX = x;
+      fromY = y;
+      continue;
+    }
+    const slope = (y - fromY) / (x - fromX);
+    if (hasLast && !(slope >= flattest && slope <= steepest)) {
+      path.lineTo(lastX, lastY);
+      hasLast = false;
+      fromX = lastX;
+      fromY = lastY;
+    }
+    const up = (y + 0.25 - fromY) / (x - fromX);
+    const down = (y - 0.25 - fromY) / (x - fromX);
+    steepest = !hasLast || up < steepest ? up : steepest;
+    flattest = !hasLast || down > flattest ? down : flattest;
+    hasLast = true;
+    lastX = x;
+    lastY = y;
+  }
+  if (hasLast) path.lineTo(lastX, lastY);
+};
 // A curve through the least and the greatest value of each stretch from one to another, the nearer one first. A stretch
 // is at `slot` in the numbers, from a time `begin` to `end`; behind a gap it `isApart` from the one before.
 const courseOf = (u, { least, greatest }, { from, to, slot, begin, end, isApart = (nth, before) => nth > before + 1, isLog = false, forward = isLog ? rawLog : raw, raised = 0 }) => {
-  const stroke = new Path2D();
   const { left, width } = u.bbox;
   const { min, max } = u.scales.x;
-  const x = (time) => left + ((time - min) * width) / (max - min);
+  const perSecond = width / (max - min);
+  const x = (time) => left + (time - min) * perSecond;
   const y = heightsOf(u, forward);
+  if (corners.length < 6 * (to - from + 1)) corners = new Float64Array(12 * (to - from + 1));
+  let count = 0;
   let before = -1;
   let last = 0;
   for (let nth = from; nth <= to; nth++) {
@@ -61,13 +111,21 @@ const courseOf = (u, { least, greatest }, { from, to, slot, begin, end, isApart 
     const first = isRising ? low : high;
     const second = isRising ? high : low;
     const at = x(begin(nth));
-    if (isDown) stroke.lineTo(at, y(first));
-    else stroke.moveTo(at, y(first));
-    if (first !== second) stroke.lineTo(x(end(nth)), y(second));
-    else if (!isDown) stroke.lineTo(at + 0.01, y(first));
+    if (!isDown) {
+      corners[count++] = NaN;
+      corners[count++] = NaN;
+    }
+    corners[count++] = at;
+    corners[count++] = y(first);
+    if (first !== second || !isDown) {
+      corners[count++] = first === second ? at + 0.01 : x(end(nth));
+      corners[count++] = y(second);
+    }
     before = nth;
     last = second;
   }
+  const stroke = new Path2D();
+  writeCorners(stroke, count);
   return stroke;
 };
 // The area between the least and the greatest value of each stretch, wider by a margin on both sides; parts are as those

@@ -26,8 +26,12 @@ const trouble = (text, mayRetry) => {
   box.append(again);
 };
 let focusedBefore = null;
+// What the controls were told last; `null` once there may be new ones.
+let wasUsable = null;
 const enable = () => {
-  const isUsable = isOpen() && state && !state.ending && state.state !== "starting" && !about?.recorded;
+  const isUsable = Boolean(isOpen() && state && !state.ending && state.state !== "starting" && !about?.recorded);
+  if (isUsable === wasUsable) return;
+  wasUsable = isUsable;
   for (const button of document.querySelectorAll("#pause, #step, #steps, #mark-form button, #inject button, #buttons button, #faults button, #clear-all, #tune-box button, #tune-box input")) button.disabled = !isUsable;
   // A control that was disabled for a while gets the focus back, unless it is elsewhere by now.
   const { activeElement } = document;

@@ -514,6 +514,7 @@ const describe = (told) => {
     button.addEventListener("click", () => act({ kind: "inject", words: one.words }));
     return button;
   }));
+  wasUsable = null;
   look();
   if (told.recorded && !closer) {
     closer = [0, Math.min(told.window_s, told.duration_s)];
@@ -635,6 +636,7 @@ const faults = (list) => {
       row = make("li");
       row.append(says, end);
       faultRows.set(fault.id, row);
+      wasUsable = null;
     }
     row.dataset.state = fault.state;
     badge(row.querySelector(".badge"), fault.state, fault.state === "active" ? "bad" : "");
@@ -888,6 +890,7 @@ const listTunable = (told) => {
     knobs.clear();
     told.values.forEach((one, nth) => knobs.set(one.key, new Knob(one, nth)));
     byId("knobs").replaceChildren(...[...knobs.values()].map((knob) => knob.row));
+    wasUsable = null;
   }
   for (const one of told.values) knobs.get(one.key).hear(one);
 };
