@@ -117,9 +117,9 @@ fn valid(random: &mut RandomStream, next_at_s: f64) -> String {
 fn a_thousand_live_faults_take_hold_at_the_answered_steps() {
     let rig = Rig::new();
     let scenario = healthy(&rig, SHORT);
-    // Paced, so that no more steps are recorded than the answers need.
+    // Slow motion, in which no more steps are recorded than the answers need, and the sides sleep.
     let run = rig.start(&format!(
-        "{scenario} --set run.duration_s=100000 --set controller.law=pid --pace 1"
+        "{scenario} --set run.duration_s=100000 --set controller.law=pid --pace 0.02"
     ));
     let mut random = RandomStream::new(1, "valid faults");
     let mut answered = BTreeMap::new();
