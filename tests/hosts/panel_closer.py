@@ -161,6 +161,21 @@ def measured(page, first, last):
     wait(page, "(ends) => document.documentElement.dataset.measured === ends", f"{first} {last}")
 
 
+def pointer(desk):
+    """What a legend reads under the pointer while the mass moves, and the time of a cursor that is put there."""
+    page = opened(desk)
+    box = over(page)
+    legend = page.locator("figure.plot .legend button[title='truth.position_m'] .value").first
+    result = {"length": page.evaluate(READ)[0], "read": []}
+    for part in (0.1052, 0.1104, 0.1131, 0.1313, 0.1416, 0.1519):
+        page.mouse.move(box["x"] + box["width"] * part, box["y"] + box["height"] / 2)
+        page.keyboard.press("a")
+        page.wait_for_timeout(300)
+        result["read"].append([page.input_value("#cursor-a"), legend.inner_text()])
+    desk.close(page)
+    return result
+
+
 def cursors(desk):
     """Two cursors by click and by number; their table, copied as text and as a requirement."""
     page = opened(desk)
@@ -630,7 +645,7 @@ def accessible(desk):
     return result
 
 
-PLAYS = {play.__name__: play for play in (zoom, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, arrange, fold, still, accessible)}
+PLAYS = {play.__name__: play for play in (zoom, pointer, cursors, back, palette, names, where, growing, refused, ghost, banded, branch, arrange, fold, still, accessible)}
 
 if __name__ == "__main__":
     panel_page.PLAYS = PLAYS

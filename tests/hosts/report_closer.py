@@ -120,6 +120,13 @@ def cursors(desk):
     page.evaluate("document.querySelector('figure.plot').focus()")
     page.keyboard.press("c")
     result["cleared"] = not page.is_visible("#measure")
+    # The time that a legend reads under the pointer, and that of a cursor put there.
+    result["pointer"] = []
+    box = over(page)
+    for part in (0.1101, 0.1504, 0.2507, 0.3313, 0.6116, 0.7319):
+        page.mouse.move(box["x"] + box["width"] * part, box["y"] + 20)
+        page.keyboard.press("a")
+        result["pointer"].append([f"at {page.input_value('#cursor-a')} s", page.evaluate("[...document.querySelector('figure.plot .legend').children].at(-1).textContent")])
     desk.close(page)
     return result
 

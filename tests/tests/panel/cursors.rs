@@ -1,5 +1,7 @@
 //! What the table of the cursors measures in a headless Chromium, compared with the records.
 
+use shared_types::extremes::larger;
+
 use super::browser::{Play, assert_drawn, begun};
 use super::closer::{assert_near, played, range};
 use super::{SCENARIO, heavy};
@@ -103,6 +105,45 @@ fn two_cursors_measure_every_step_and_give_a_requirement_that_holds() {
         (&pasted["verdict"], &pasted["robustness"]),
         (&"pass".into(), &0.0.into())
     );
+}
+
+/// Returns the ends of what a legend reads, in SI units.
+fn legend_range(text: &str) -> [f64; 2] {
+    let (numbers, unit) = text.rsplit_once(' ').expect("a unit");
+    let factor = match unit {
+        "m" => 1.0,
+        "mm" => 1e-3,
+        _ => panic!("{text}"),
+    };
+    let (low, high) = numbers.split_once(" to ").unwrap_or((numbers, numbers));
+    [low, high].map(|number| factor * number.parse::<f64>().expect("a number"))
+}
+
+#[test]
+fn a_legend_reads_the_stretch_in_which_a_cursor_at_the_pointer_stands() {
+    let rig = Rig::new();
+    let run = rig.run(SCENARIO).expect(0);
+    let Some(output) = played(&rig, &run, "pointer", &[]) else {
+        return;
+    };
+    let column = Recording::open(&run.recording()).column("truth.position_m");
+    let length = usize::try_from(output["length"].as_u64().expect("steps")).expect("small");
+    assert!(length > 4, "{output}");
+    for read in output["read"].as_array().expect("readings") {
+        let [time, legend] = [0, 1].map(|nth| read[nth].as_str().expect("text"));
+        let step = (1000.0 * time.parse::<f64>().expect("a time")).round() as usize;
+        let begin = step / length * length;
+        let stretch = expected(&column[begin..(begin + length).min(column.len())]);
+        let least_greatest = [stretch[6], stretch[7]];
+        // Five digits are written.
+        let room = 1e-4 * larger(least_greatest[0].abs(), least_greatest[1].abs());
+        for (end, expected) in legend_range(legend).iter().zip(least_greatest) {
+            assert!(
+                (end - expected).abs() <= room,
+                "{legend} at {time}: {least_greatest:?}"
+            );
+        }
+    }
 }
 
 #[test]

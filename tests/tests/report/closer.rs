@@ -158,6 +158,9 @@ fn cursors_measure_from_every_step_and_say_what_the_buckets_leave_open() {
         );
     }
     assert_eq!(output["cleared"], true);
+    for pair in output["pointer"].as_array().expect("readings") {
+        assert_eq!(pair[0], pair[1], "the bucket of the pointer: {output}");
+    }
     assert!(text("legend").ends_with('m'), "the value at A: {output}");
 
     // Pasted into the scenario, the requirement is valid, holds, and has next to no margin left.

@@ -371,14 +371,16 @@ class Plot {
 
   // The values at the cursor, or else the newest ones.
   read() {
-    const idx = this.plot && this.plot.cursor.left >= 0 ? this.plot.cursor.idx : null;
+    const { part, from, to } = this;
+    const isOver = this.plot?.cursor.left >= 0 && from <= to;
+    // Of the stretch in which a cursor put here would stand: uPlot's own index is that of the nearest beginning.
+    const step = isOver ? Math.round(this.plot.posToVal(this.plot.cursor.left, "x") / period()) : null;
     for (const { signal, shownValue } of this.series) {
-      if (idx === null || idx === undefined) {
+      if (step === null) {
         write(shownValue, shownIn(valueAtHand(signal), this.spec));
         continue;
       }
-      const { part } = this;
-      const slot = slotOf(part)(this.from + idx);
+      const slot = slotOf(part)(Math.min(Math.max(Math.floor(step / part.length), from), to));
       const numbers = part.of(signal);
       write(shownValue, reachShown(numbers?.least[slot], numbers?.greatest[slot], this.spec) || "-");
     }

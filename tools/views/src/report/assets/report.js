@@ -426,8 +426,10 @@
     read() {
       const u = this.plot;
       if (!this.time) return;
-      const bucket = u.cursor.left >= 0 ? u.cursor.idx : cursors.steps[0] === null ? null : bucketOfStep(cursors.steps[0]);
-      const isThere = bucket !== null && bucket !== undefined;
+      // Of the bucket in which a cursor put here would stand: uPlot's own index is that of the nearest beginning.
+      const step = u.cursor.left >= 0 ? Math.round(u.posToVal(u.cursor.left, "x") / period) : cursors.steps[0];
+      const isThere = step !== null;
+      const bucket = isThere ? bucketOfStep(step) : null;
       write(this.time, isThere ? `at ${seconds(start[bucket])} s` : "");
       for (const one of this.series) write(one.shownValue, isThere ? reachShown(one.values.least[bucket], one.values.greatest[bucket], this.spec) : "");
     }
