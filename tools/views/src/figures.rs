@@ -215,7 +215,7 @@ pub(crate) fn markup(figures: &[PageFigure]) -> Markup {
                 figcaption { (figure.title) }
                 @match &figure.drawn {
                     Ok((svg, table)) => {
-                        (PreEscaped(svg))
+                        div.scroll tabindex="0" role="region" aria-label=(figure.title) { (PreEscaped(svg)) }
                         @if let Some(caption) = &figure.caption { p.hint { (caption) } }
                         details { summary { "Values" } (table) }
                     }

@@ -3,16 +3,21 @@
 /// Number of columns over the whole axis.
 const COLUMNS: f64 = 1500.0;
 
+/// Returns the function that maps a frequency to its column, of `count` over a logarithmic axis; the highest begins one more.
+pub(super) fn columns([low, high]: [f64; 2], count: f64) -> impl Fn(f64) -> i64 {
+    let octaves = libm::log2(high / low);
+    move |frequency| match octaves > 0.0 {
+        true => libm::floor(count * libm::log2(frequency / low) / octaves) as i64,
+        false => 0,
+    }
+}
+
 /// Returns the least and the greatest line of each column of a logarithmic axis; frequencies ascend from above 0.
 pub(super) fn over_logarithm(lines: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let (Some([low, _]), Some([high, _])) = (lines.first(), lines.last()) else {
         return Vec::new();
     };
-    let octaves = libm::log2(high / low);
-    let column = |frequency: f64| match octaves > 0.0 {
-        true => libm::floor(COLUMNS * libm::log2(frequency / low) / octaves) as i64,
-        false => 0,
-    };
+    let column = columns([*low, *high], COLUMNS);
     let mut result = Vec::new();
     let mut start = 0;
     while start < lines.len() {

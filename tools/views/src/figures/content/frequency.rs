@@ -13,7 +13,7 @@ use crate::figures::chart::{Chart, Curve, Panel};
 use crate::figures::reading::Values;
 use crate::figures::spectrum::spectrum;
 use crate::figures::table::Table;
-use crate::figures::thinning::over_logarithm;
+use crate::figures::thinning::{columns, over_logarithm};
 use crate::figures::unit::printed;
 use crate::plots::words::{capital, lower};
 
@@ -144,6 +144,26 @@ fn gain_db(response: &Response) -> f64 {
 /// Greatest number of rows for each curve in the table of a response.
 const MOST_ROWS: usize = 40;
 
+/// Returns the rows of a table: all of a few, or as evenly as they lie over a logarithmic axis, with both ends.
+///
+/// A linear sweep has most of its responses at the high end, where one is like the next.
+fn tabulated(responses: &[Response]) -> Vec<&Response> {
+    let (Some(first), Some(last)) = (responses.first(), responses.last()) else {
+        return Vec::new();
+    };
+    if responses.len() <= MOST_ROWS {
+        return responses.iter().collect();
+    }
+    let ends = [first.frequency_hz, last.frequency_hz];
+    let column = columns(ends, (MOST_ROWS - 2) as f64);
+    let parts = responses.chunk_by(|a, b| column(a.frequency_hz) == column(b.frequency_hz));
+    let mut rows: Vec<_> = parts.map(|part| &part[0]).collect();
+    if !rows.last().is_some_and(|row| std::ptr::eq(*row, last)) {
+        rows.push(last);
+    }
+    rows
+}
+
 fn response_table(all: &Loops) -> Table {
     let mut table = Table::new(
         &["response", "frequency [Hz]", "gain [dB]", "phase [°]"],
@@ -154,8 +174,7 @@ fn response_table(all: &Loops) -> Table {
             "" => "response",
             label => label,
         };
-        let every = responses.len().div_ceil(MOST_ROWS).max(1);
-        for response in responses.iter().step_by(every) {
+        for response in tabulated(responses) {
             let phase_deg = response.phase_rad.to_degrees();
             table.row(
                 label,
@@ -235,4 +254,32 @@ pub(super) fn nichols(all: &Loops, is_open: bool) -> (Chart, Table) {
         ..Chart::default()
     };
     (chart, response_table(all))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_table_of_a_linear_sweep_keeps_its_low_frequencies_and_both_ends() {
+        let at = |k: u32| Response {
+            frequency_hz: 0.2 + 0.1 * f64::from(k),
+            gain: 1.0,
+            phase_rad: 0.0,
+        };
+        let responses: Vec<_> = (0..400).map(at).collect();
+        let rows = tabulated(&responses);
+        assert!(rows.len() <= MOST_ROWS, "{}", rows.len());
+        // The step of the axis between two rows is 38th root of (40.1 / 0.2), 1.15.
+        for (place, k) in [0, 1, 2, 3].into_iter().enumerate() {
+            assert_eq!(*rows[place], responses[k]);
+        }
+        assert_eq!(rows.last(), Some(&&responses[399]));
+        let is_even = |pair: &[&Response]| {
+            let [low, high] = [pair[0].frequency_hz, pair[1].frequency_hz];
+            high / low < 1.15 * 1.15 || high - low < 0.1001
+        };
+        assert!(rows.windows(2).all(is_even));
+        assert_eq!(tabulated(&responses[..30]).len(), 30);
+    }
 }
