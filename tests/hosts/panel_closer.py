@@ -363,7 +363,23 @@ def where(desk):
         page.screenshot(path=f"{sys.argv[4]}/where.png")
     page.locator("#intervals button").first.click()
     result["range"] = page.evaluate(RANGE)
+    result["toast"] = page.inner_text("#status")
     result.update(refusals(page))
+
+    def search(formula):
+        page.evaluate("delete document.documentElement.dataset.found")
+        page.fill("#where", formula)
+        page.keyboard.press("Enter")
+        wait(page, "document.documentElement.dataset.found !== undefined")
+
+    search("truth.position_m > 0.01 or rise(truth.velocity_mps > 0)")
+    result["top"] = page.evaluate("(() => { const box = document.getElementById('intervals'); return [box.scrollTop, box.scrollHeight > box.clientHeight]; })()")
+    search(page.get_attribute("#where", "placeholder"))
+    result["example"] = page.evaluate("document.documentElement.dataset.found")
+    # So low that the answer is below the window.
+    page.set_viewport_size({"width": 1280, "height": 300})
+    search("truth.position_m > 0.01")
+    result["out of sight"] = [page.inner_text("#status"), page.inner_text("#where-says")]
     desk.close(page)
     return result
 

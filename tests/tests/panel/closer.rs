@@ -205,6 +205,12 @@ fn a_formula_lists_and_marks_the_intervals_in_which_it_holds() {
         let text = output[formula][1].as_str().expect("text");
         assert!(text.contains(part), "{formula}: {text}");
     }
+    assert_eq!(output["top"], json!([0, true]), "the first interval first");
+    assert_eq!(output["toast"], "", "an answer in sight is not repeated");
+    let hidden = &output["out of sight"];
+    assert_eq!(hidden[0], hidden[1], "{output}");
+    assert!(hidden[1].as_str().expect("text").contains("interval"));
+    assert_ne!(output["example"], "error", "the example is of this run");
 }
 
 #[test]

@@ -268,6 +268,7 @@ fn a_wrong_formula_of_the_command_line_is_refused_with_the_text_of_the_panel() {
     let folder = run.folder.to_str().expect("text");
     for (formula, part) in [
         ("truth.nothing > 1", "truth.nothing"),
+        ("truth.postion_m > 1", "nearest: `truth.position_m`"),
         ("always(truth.position_m < 1)", "give it bounds"),
         ("truth.position_m >", "expected"),
         ("truth.position_m < 3 N", "compared"),

@@ -140,7 +140,7 @@ fn head() -> Markup {
                     }
                     form #where-form {
                         label.visually-hidden for="where" { "Formula to search for" }
-                        input #where type="text" maxlength="4000" placeholder="abs(truth.x_m) > 0.1" title="w" autocomplete="off" spellcheck="false";
+                        input #where type="text" maxlength="4000" title="w" autocomplete="off" spellcheck="false";
                         button type="submit" { "Where" }
                     }
                     label { "Window " select #window title="+ and -" {} }

@@ -99,7 +99,17 @@ impl Search {
     /// # Errors
     /// If the formula is invalid, or no step is left at which it could be judged.
     pub(crate) fn formula(&self, text: &str, first: Step) -> Result<EveryStep, String> {
-        let (formula, every_step) = self.checked(text).map_err(|error| error.to_string())?;
+        let (formula, every_step) = self.checked(text).map_err(|error| {
+            let names: Vec<_> = error
+                .nearest
+                .iter()
+                .map(|name| format!("`{name}`"))
+                .collect();
+            match names.is_empty() {
+                true => error.to_string(),
+                false => format!("{error}; nearest: {}", names.join(", ")),
+            }
+        })?;
         if first == Step(0) {
             return Ok(every_step);
         }

@@ -100,12 +100,15 @@ const showFigures = () => {
 // Intervals of the last search, the first of which has the number `base`: those of a session come bit by bit.
 let occurrences = { intervals: [], base: 0 };
 let searching = 0;
+// Whether its first answer has been listed.
+let isAnswered = true;
 // The formula that a session goes on to search for, also behind a broken connection.
 let sought = "";
 const search = (formula) => {
   byId("where").value = formula;
   sought = formula.trim() ? formula : "";
   searching += 1;
+  isAnswered = !sought;
   if (!sought) listOccurrences({ number: searching, intervals: [], count: 0, formula: "" });
   if (!sought && about.recorded) return;
   if (sought) {
@@ -170,7 +173,13 @@ const listIntervals = ({ intervals, since }) => {
   const stay = new Set(rows);
   for (const row of [...box.children]) if (!stay.has(row)) row.remove();
   for (const [nth, row] of rows.entries()) if (box.children[nth] !== row) box.insertBefore(row, box.children[nth] ?? null);
-  if (isAtEnd) box.scrollTop = box.scrollHeight;
+  // Of a session the newest ones are followed; of a recorded run the first one matters.
+  if (about.recorded) box.scrollTop = 0;
+  else if (isAtEnd) box.scrollTop = box.scrollHeight;
+};
+const isInSight = (element) => {
+  const { left, top, bottom } = element.getBoundingClientRect();
+  return [top + 2, bottom - 2].every((y) => element.contains(document.elementFromPoint(left + 2, y)));
 };
 const listOccurrences = (answer) => {
   if (answer.number !== searching) return;
@@ -181,6 +190,9 @@ const listOccurrences = (answer) => {
   write(byId("where-says"), answer.error ?? [summary, ...basisOf(occurrences)].join("; "));
   byId("where-says").dataset.tone = answer.error ? "bad" : "";
   listIntervals(occurrences);
+  // Where the answer is out of sight, as below the table of the cursors, its words come to the reader.
+  if (!isAnswered && !isInSight(byId("where-says"))) tell(byId("where-says").textContent);
+  isAnswered = true;
   root.dataset.found = answer.error ? "error" : String(answer.count);
   root.dataset.judged = String(answer.judged ?? "");
   drawSoon();

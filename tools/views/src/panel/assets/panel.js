@@ -502,6 +502,8 @@ const describe = (told) => {
   }
   byId("plots").replaceChildren();
   for (const spec of arrangedOf(told)) addPlot(spec);
+  const [{ signals: [example] = [] } = {}] = told.plots;
+  byId("where").placeholder = example === undefined ? "" : `abs(${signals[example].name}) > 0.1`;
   const first = told.readings ?? [...new Set(told.plots.flatMap((plot) => plot.signals))].slice(0, 8);
   readings = first.map((place) => ({ signal: signals[place], box: make("dd", "") }));
   byId("readings").replaceChildren(...readings.map(({ signal, box }) => {
