@@ -409,6 +409,13 @@ def ghost(desk):
     result["text"] = page.text_content("#copied")
     if len(sys.argv) > 4:
         page.screenshot(path=f"{sys.argv[4]}/ghost.png")
+    scrolls = "document.querySelector('#measure .scroll').hasAttribute('data-scrolls')"
+    result["wide"] = page.evaluate(scrolls)
+    page.set_viewport_size({"width": 390, "height": 844})
+    result["narrow"] = wait(page, scrolls)
+    result["differ"] = find(page, "runs differ")[0]
+    page.keyboard.press("Enter")
+    result["compare"] = page.inner_text("#status")
     desk.close(page)
     return result
 

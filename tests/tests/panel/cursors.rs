@@ -187,4 +187,11 @@ fn another_run_is_drawn_behind_the_curves_and_its_difference_is_read() {
     let text = output["text"].as_str().expect("text");
     assert_ne!(own, other);
     assert_eq!(figures(text, "truth.position_m"), [own, other, own - other]);
+    assert_eq!([&output["wide"], &output["narrow"]], [false, true]);
+    assert_eq!(output["differ"][0], "Where the runs first differ");
+    let compare = output["compare"].as_str().expect("text");
+    assert!(
+        compare.starts_with("hil compare ") && compare.contains(&over),
+        "{output}"
+    );
 }

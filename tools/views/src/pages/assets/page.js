@@ -264,7 +264,10 @@ const bytesOf = (text) => {
 // Marks tables that scroll; in the next frame, as the words above one change its height.
 const watchScroll = () => {
   const scrolls = new ResizeObserver((entries) => requestAnimationFrame(() => {
-    for (const { target } of entries) target.toggleAttribute("data-scrolls", target.scrollWidth > target.clientWidth + 1);
+    for (const { target } of entries) {
+      const box = target.closest(".scroll");
+      box.toggleAttribute("data-scrolls", box.scrollWidth > box.clientWidth + 1);
+    }
   }));
-  for (const box of document.querySelectorAll(".scroll")) scrolls.observe(box);
+  for (const box of document.querySelectorAll(".scroll")) for (const one of [box, ...box.children]) scrolls.observe(one);
 };

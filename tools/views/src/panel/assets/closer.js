@@ -249,7 +249,9 @@ const entries = () => {
   if (!byId("branch").disabled) add("action", "Branch from here", "", armBranch);
   add("action", "Arrange the plots", "e", () => byId("arrange").click());
   add("action", "Light or dark", "", () => byId("theme").click());
-  add("action", "Search for a formula", "w", () => focusIn(byId("where")));
+  if (about.over && !about.band) add("action", "Where the runs first differ", "hil compare RUN RUN", () => tell(`hil compare ${about.session} ${about.over} names the first step, signal and values that differ`));
+  if (about.recorded) add("action", "Figures for a document", "hil report RUN --figures DIR", () => tell(`hil report ${about.session} --figures DIR writes each plot of the scenario as SVG and PDF`));
+  add("action", "Search where a formula holds", "w", () => focusIn(byId("where")));
   return list;
 };
 const palette = paletteOf(entries);

@@ -119,6 +119,7 @@ document.addEventListener("visibilitychange", () => {
 });
 
 watchStatus();
+watchScroll();
 const chosenTheme = () => ["dark", "light"].find((one) => one === recall("theme"));
 const followTheme = () => setTheme(chosenTheme() ? chosenTheme() === "dark" : wantsDark.matches);
 followTheme();

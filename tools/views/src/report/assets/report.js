@@ -625,6 +625,7 @@
       add("where", formula, `${count} interval${count === 1 ? "" : "s"}`, () => byId("where").scrollIntoView());
     }
     add("action", "Where does a formula hold", "hil report RUN --where 'FORMULA'", () => tell("hil report RUN --where 'FORMULA' lists where a formula holds; hil panel RUN searches for others"));
+    if (isOverlaid) add("action", "Where the runs first differ", "hil compare RUN RUN", () => tell("hil compare RUN RUN names the first step, signal and values that differ"));
     add("action", "Figures for a document", "hil report RUN --figures DIR", () => tell("hil report RUN --figures DIR writes each plot of the scenario as SVG and PDF"));
     add("action", "Light or dark", "", () => byId("theme").click());
     return list;
