@@ -170,7 +170,8 @@ def pointer(desk):
     for part in (0.1052, 0.1104, 0.1131, 0.1313, 0.1416, 0.1519):
         page.mouse.move(box["x"] + box["width"] * part, box["y"] + box["height"] / 2)
         page.keyboard.press("a")
-        page.wait_for_timeout(300)
+        # By then the page has followed the pointer.
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
         result["read"].append([page.input_value("#cursor-a"), legend.inner_text()])
     desk.close(page)
     return result
